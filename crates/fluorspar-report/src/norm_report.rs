@@ -1,6 +1,6 @@
 //! The page of people against norms: who lies outside, and how sure that is.
 
-use fluorspar::analysis::{Analyte, NormPlace, Standing};
+use fluorspar::analysis::{Analyte, NormPlace, NormSums, Standing};
 use fluorspar::findings::{Finding, FindingId};
 use fluorspar_experiment::Warning;
 
@@ -33,8 +33,8 @@ pub struct HeldNumbers {
     pub channel: Option<String>,
     /// `measured` or `simulated`, of the norm.
     pub origin: String,
-    /// People in the norm.
-    pub people: u64,
+    /// Sums over the people of the norm.
+    pub sums: NormSums,
     /// The numbers.
     pub numbers: Vec<HeldNumber>,
 }
@@ -81,7 +81,8 @@ pub fn norm_report(
     left_out: &[String],
     warnings: Vec<Warning>,
 ) -> ReportData {
-    let mut sections: Vec<Section> = held.iter().map(section).collect();
+    let has_numbers = |held: &&HeldNumbers| !held.numbers.is_empty();
+    let mut sections: Vec<Section> = held.iter().filter(has_numbers).map(section).collect();
     if !left_out.is_empty() {
         let terms = left_out.iter().map(|text| text.split_once(": ").unwrap_or((text, "")));
         let terms = terms.map(|(of, why)| (of.to_owned(), why.to_owned())).collect();
@@ -114,6 +115,7 @@ fn lead(held: &HeldNumbers) -> String {
         of_standing(held, Standing::Outside).map(|number| number.of[0].as_str()).collect();
     names.dedup();
     let who = match outside {
+        _ if held.numbers.is_empty() => "no number can be held against them".to_owned(),
         0 => "nobody outside".to_owned(),
         _ if names.len() <= 12 => format!("OUTSIDE: {}", names.join(", ")),
         _ => format!("{} people outside", names.len()),
@@ -123,7 +125,7 @@ fn lead(held: &HeldNumbers) -> String {
         "{} of the {}, against {} {} people: {who}; {inside} of {} numbers inside{open}.",
         name_of(held),
         held.region.replace('_', " "),
-        held.people,
+        held.sums.people(),
         held.origin,
         held.numbers.len(),
     )
@@ -134,9 +136,12 @@ fn section(held: &HeldNumbers) -> Section {
     let mut numbers: Vec<&HeldNumber> =
         STANDINGS.iter().flat_map(|(standing, _)| sorted(of_standing(held, *standing).collect())).collect();
     numbers.truncate(MOST_ROWS[0]);
+    let others = if held.origin == "measured" { "the other people of the norm" } else { "simulated people" };
+    let age = if held.sums.by_age { " of that age" } else { "" };
+    let site = if held.sums.sites.len() > 1 { " at that site" } else { "" };
     let text = format!(
-        "{name} of the {}. The bar of a person is the range of the others, of that age and site; the line is the whole interval of the \
-         number. Those others were measured with errors, too.",
+        "{name} of the {}. The bar of a person is the range of {others}{age}{site}; the line is the whole interval of the number. Numbers \
+         of the norm have errors, too.",
         held.region.replace('_', " ")
     );
     let section = Section::new(format!("{name}, {}", held.region.replace('_', " ")));
@@ -216,6 +221,7 @@ fn table(held: &HeldNumbers, numbers: &[&HeldNumber]) -> NumberMatrix {
         0 => String::new(),
         more => format!(" {more} further numbers are not shown."),
     };
+    let unknown = if held.origin == "measured" { " Who has no outcome counts as healthy." } else { "" };
     NumberMatrix {
         caption: "How sure the verdict is".into(),
         columns: vec![
@@ -228,9 +234,9 @@ fn table(held: &HeldNumbers, numbers: &[&HeldNumber]) -> NumberMatrix {
         ],
         rows: numbers.iter().map(row).collect(),
         note: format!(
-            "The range holds 95 % of people with 95 % confidence: beyond it is outside, as are up to five of a hundred healthy people. Inside is \
-             whose percentile is within 2.5 to 97.5 with 95 % confidence; of others it can't be told. Who has no outcome counts as healthy. People \
-             of the norm were measured with errors, too: a number is judged by itself, and by what its interval has beyond those of most of them; \
+            "The range holds 95 % of people with 95 % confidence: beyond it is outside, as are up to five of a hundred healthy people; the \
+             range is sure of all people together, a percentile of one number, which beyond the range may reach to below 97.5 or above 2.5. Inside \
+             is whose percentile is within 2.5 to 97.5 with 95 % confidence; of others it can't be told.{unknown} People of the norm were measured with errors, too: a number is judged by itself, and by what its interval has beyond those of most of them; \
              an error that all share moves all alike. Percentiles take people as normally distributed.{cut}"
         ),
     }

@@ -83,8 +83,8 @@ pub use live_render::{LiveRender, LiveStudy, Shapes};
 pub use options::{TaskOption, TaskOptions};
 pub use photographs::{
     AnalyzedPhotographs, FailedPhotograph, IntervalKind, PatientEstimate, Photograph, PhotographCamera,
-    PhotographRow, RegionEstimate, UNCONFIRMED, estimate_photograph, find_photographs, photograph_pictures,
-    photographs_csv, read_photographs, region_mask, region_with_mask,
+    PhotographRow, RegionEstimate, UNCONFIRMED, camera_digest, estimate_photograph, find_photographs,
+    photograph_pictures, photographs_csv, read_photographs, region_mask, region_with_mask,
 };
 pub use plane_cache::Wanted;
 pub use predict::{PredictOptions, PredictedSample, filter_list, predict};

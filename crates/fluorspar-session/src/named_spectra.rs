@@ -23,8 +23,10 @@ fn is_table(name: &str) -> bool {
 
 /// Name of a spectrum for people.
 pub fn label(name: &str) -> String {
-    let file =
-        if is_table(name) { table(name).map(|table| table.path).unwrap_or_default() } else { name.into() };
+    let file = match is_table(name) {
+        true => table(name, SpectrumColumns::One).map(|table| table.path).unwrap_or_default(),
+        false => name.into(),
+    };
     Path::new(&file).file_stem().map_or_else(|| name.into(), |s| s.to_string_lossy().into_owned())
 }
 
@@ -35,8 +37,8 @@ struct Table {
     scale: f64,
 }
 
-/// The table that an option writes as an experiment does.
-fn table(name: &str) -> Result<Table> {
+/// The table that an option writes as an experiment does, with these columns where it names none.
+fn table(name: &str, columns: SpectrumColumns) -> Result<Table> {
     #[derive(Deserialize)]
     struct Written {
         spectrum: SpectrumReference,
@@ -60,7 +62,7 @@ fn table(name: &str) -> Result<Table> {
         }
         _ => return Err(wrong("this names no file".into())),
     };
-    let columns = column.map_or(SpectrumColumns::One, |column| SpectrumColumns::Named(vec![column]));
+    let columns = column.map_or(columns, |column| SpectrumColumns::Named(vec![column]));
     let options = SpectrumOptions { columns, unit: unit.map(Into::into), ..SpectrumOptions::default() };
     let path: &Path = path.as_ref();
     Ok(Table { path: path.into(), options, scale: scale.unwrap_or(1.0) })
@@ -91,7 +93,7 @@ pub fn of_file(
     job: &Job,
 ) -> Result<MeasuredSpectra> {
     let Table { path, options, scale } = match is_table(name) {
-        true => table(name)?,
+        true => table(name, columns)?,
         false => {
             let options = SpectrumOptions { columns, ..SpectrumOptions::default() };
             Table { path: name.into(), options, scale: 1.0 }

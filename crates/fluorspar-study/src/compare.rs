@@ -9,13 +9,14 @@ use fluorspar::findings::FindingId;
 use fluorspar::units::counted;
 use fluorspar_format::{Output, Outputs};
 use fluorspar_report::{HeldNumber, HeldNumbers, norm_report, warnings_by_kind};
-use fluorspar_session::{Error, Job, Result};
+use fluorspar_session::{Error, ExperimentSource, Job, Result, camera_digest};
 use serde::{Deserialize, Serialize};
 
+use crate::event::Event;
 use crate::index::Index;
 use crate::norm::{NormFile, NormOptions, outcomes, people_of, read_norm, widened_by, wrong};
 use crate::query::{QueriedRow, QueryOptions, person as known_person, rows, warnings_of};
-use crate::store::{Study, StudyArgs, write};
+use crate::store::{CAMERA, Study, StudyArgs, write};
 
 /// Half width of the interval of an area that a study should reach.
 const WANTED_HALF_WIDTH: f64 = 0.05;
@@ -103,7 +104,8 @@ pub fn compare(options: &AgainstNormOptions, job: &Job) -> Result<ComparedPeople
     let mut compared = ComparedPeople { people: Vec::new(), left_out: Vec::new(), separations: Vec::new() };
     let (mut held_numbers, mut warnings, mut doubts) = (Vec::new(), Vec::new(), Vec::new());
     for path in &options.norm {
-        let norm = read_norm(path)?;
+        let mut norm = read_norm(path)?;
+        warnings.extend(of_camera_of(&options.args.study, &mut norm, path)?.map(Into::into));
         let (first, mut outside) = (compared.people.len(), BTreeSet::new());
         let fitted = norm.fit()?;
         let held = people_in(options, &index, &norm)?;
@@ -155,6 +157,29 @@ pub fn compare(options: &AgainstNormOptions, job: &Job) -> Result<ComparedPeople
     Ok(compared)
 }
 
+/// Gives a norm of simulated people the digest of the camera.toml of now, where that describes their camera; says where none is known.
+fn of_camera_of(study: &Path, norm: &mut NormFile, path: &Path) -> Result<Option<String>> {
+    if norm.origin == "measured" {
+        return Ok(None);
+    }
+    if norm.is_of_any_camera() {
+        let text = format!(
+            "{}: nothing tells of which camera, lights and filters these simulated people are; with others than those of the study its verdicts \
+             are wrong. A cohort.csv of this version tells it: make the norm anew from one",
+            path.display()
+        );
+        return Ok(Some(text));
+    }
+    let camera = study.join(CAMERA).to_string_lossy().into_owned();
+    let source = ExperimentSource::find(Some(&camera))?;
+    if camera_digest(&source, &source.parse(&[])?)?.starts_with(&norm.analysis[1])
+        && let Event::Setup { analysis, .. } = Study::open(study)?.setup()?
+    {
+        norm.analysis[1] = analysis;
+    }
+    Ok(None)
+}
+
 /// Numbers against a norm, as a page shows them.
 fn held_against(norm: &NormFile, people: &[PersonAgainstNorm]) -> Option<HeldNumbers> {
     let id: FindingId = serde_json::from_value(norm.quantity.as_str().into()).ok()?;
@@ -169,7 +194,7 @@ fn held_against(norm: &NormFile, people: &[PersonAgainstNorm]) -> Option<HeldNum
         id,
         channel: Some(norm.channel.clone()).filter(|channel| !channel.is_empty()),
         origin: norm.origin.clone(),
-        people: norm.sums.sites.iter().map(|site| site.people).sum(),
+        sums: norm.sums.clone(),
         numbers: people.iter().map(number).collect(),
     })
 }
@@ -193,9 +218,13 @@ fn person(
         return Err(Error::Input("the region was guessed from color, and nobody confirmed it".into()));
     }
     if !norm.holds_for(&row.version, &row.analysis) {
-        return Err(Error::Input(
-            "the number is of another version of the program or another camera.toml than the norm".into(),
-        ));
+        let of = match norm.origin.as_str() {
+            "measured" => "camera.toml than the norm",
+            _ => {
+                "camera than the simulated people; make their cohort anew, with `base = \"camera.toml\"` of the study"
+            }
+        };
+        return Err(Error::Input(format!("the number is of another version of the program or another {of}")));
     }
     let own = row.own_interval();
     let has_error = own.is_some() && row.interval_kind == "estimate";

@@ -70,13 +70,17 @@ pub enum Event {
         subject: String,
         /// `biopsy`, `follow-up` or another.
         method: String,
-        /// What was found; `healthy`, `none`, `no lesion`, `no` and `negative` are no lesion.
+        /// What was found.
         outcome: String,
     },
 }
 
-/// Outcomes that are no lesion, as SQL has a list, in small letters.
-pub(crate) const HEALTHY: &str = "('healthy', 'none', 'no lesion', 'no', 'negative')";
+/// Outcomes that are no lesion, in small letters; the page of studies and the help of the import name them.
+pub(crate) const HEALTHY: [&str; 10] =
+    ["healthy", "normal", "none", "no", "no lesion", "negative", "clear", "unremarkable", "ok", "0"];
+
+/// Outcomes of which nobody can tell whether they are a lesion: a benign one is one, and benign tissue is none.
+pub(crate) const UNCLEAR: [&str; 7] = ["benign", "unknown", "unclear", "pending", "n/a", "na", "?"];
 
 /// What is known of a person.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -14,7 +14,7 @@ use fluorspar_session::{
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::event::{Event, Region, StoredFile, Subject};
+use crate::event::{Event, HEALTHY, Region, StoredFile, Subject, UNCLEAR};
 use crate::store::{LARGEST_BYTES, Study, StudyArgs};
 
 /// What a label is of.
@@ -41,7 +41,8 @@ pub struct ImportOptions {
     /// Table of people: subject, site, sex, age, skin, smoker, consent; all but subject optional.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub subjects: Option<PathBuf>,
-    /// Table of what became of people: subject, method, outcome; "healthy" and "none" are no lesion.
+    /// Table of what became of people: subject, method, outcome. No lesion are: healthy, normal, none, no, no lesion, negative,
+    /// clear, unremarkable, ok, 0.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub outcomes: Option<PathBuf>,
 }
@@ -119,7 +120,7 @@ pub fn import(options: &ImportOptions, job: &Job) -> Result<ImportedStudy> {
         import_photographs(&mut study, path, &mut imported, job)?;
     }
     if let Some(path) = &options.outcomes {
-        imported.outcomes = import_outcomes(&mut study, path)?;
+        imported.outcomes = import_outcomes(&mut study, path, job)?;
     }
     Ok(imported)
 }
@@ -267,9 +268,10 @@ fn import_subjects(study: &mut Study, path: &Path) -> Result<usize> {
     Ok(count)
 }
 
-fn import_outcomes(study: &mut Study, path: &Path) -> Result<usize> {
+fn import_outcomes(study: &mut Study, path: &Path, job: &Job) -> Result<usize> {
     let known: Vec<String> = study.index.rows("SELECT subject FROM subject", [], |row| row.get(0))?;
     let mut events = Vec::new();
+    let mut words = [BTreeSet::new(), BTreeSet::new()];
     let mut labels = Labels::of(study);
     for OutcomeRow { subject, method, outcome } in table(path)? {
         let subject = labels.person(&subject)?;
@@ -282,6 +284,15 @@ fn import_outcomes(study: &mut Study, path: &Path) -> Result<usize> {
                 path.display()
             )));
         }
+        let word = outcome.to_lowercase();
+        if UNCLEAR.contains(&word.as_str()) {
+            return Err(Error::Input(format!(
+                "{}: the outcome of {subject} is \"{outcome}\", which may be a lesion or none; write \"healthy\" where there is none, what the lesion \
+                 is, or strike the line until it is known",
+                path.display()
+            )));
+        }
+        words[usize::from(HEALTHY.contains(&word.as_str()))].insert(word);
         // A later one of the same method takes its place
         let of_log = study.log.entries.iter().map(|entry| &entry.event).chain(&events);
         let mut last = of_log.filter_map(|event| match event {
@@ -294,6 +305,11 @@ fn import_outcomes(study: &mut Study, path: &Path) -> Result<usize> {
             events.push(Event::Outcome { subject, method, outcome });
         }
     }
+    let [lesions, none] = words.map(|words| match words.len() {
+        0 => "nothing".to_owned(),
+        _ => words.into_iter().collect::<Vec<_>>().join(", "),
+    });
+    job.status(format!("Outcomes counted as a lesion: {lesions}; as no lesion: {none}"));
     let count = events.len();
     study.commit("import", events)?;
     Ok(count)

@@ -66,7 +66,8 @@ pub struct NormFile {
     pub quantity: String,
     /// Its channel; may be empty.
     pub channel: String,
-    /// Version of the program and digest of the experiment of the numbers.
+    /// Version of the program and digest of the experiment of the numbers; of simulated people of their camera, or of their table where that
+    /// tells no camera.
     pub analysis: [String; 2],
     /// Digests of the last lines of the logs that it was made of: by them it is found which norms still hold a person who withdrew.
     pub logs: Vec<String>,
@@ -130,9 +131,14 @@ impl NormOptions {
 impl NormFile {
     /// Whether numbers of a version of the program and of a camera can be held against it.
     pub(crate) fn holds_for(&self, version: &str, camera: &str) -> bool {
-        self.origin != "measured"
+        self.is_of_any_camera()
             || (self.analysis[0] == version
                 && (self.analysis[1] == camera || self.cameras.iter().any(|of| of == camera)))
+    }
+
+    /// Whether nothing tells the camera of its simulated people.
+    pub(crate) fn is_of_any_camera(&self) -> bool {
+        self.origin != "measured" && self.studies.contains(&self.analysis[1])
     }
 
     const FORMAT: u32 = 1;
@@ -347,8 +353,9 @@ pub(crate) fn people_with_lesions(index: &Index) -> Result<BTreeSet<String>> {
 
 /// People of whom an outcome is known, and whether one is a lesion: the last of each method counts.
 pub(crate) fn outcomes(index: &Index) -> Result<BTreeMap<String, bool>> {
+    let healthy = HEALTHY.join("', '");
     let sql = format!(
-        "SELECT o.subject, max(lower(o.outcome) NOT IN {HEALTHY}) FROM outcome o WHERE o.seq =
+        "SELECT o.subject, max(lower(o.outcome) NOT IN ('{healthy}')) FROM outcome o WHERE o.seq =
          (SELECT max(p.seq) FROM outcome p WHERE p.subject = o.subject AND p.method = o.method) GROUP BY o.subject"
     );
     Ok(index.rows(&sql, [], |row| Ok((row.get(0)?, row.get(1)?)))?.into_iter().collect())
@@ -436,25 +443,14 @@ fn set_errors<K: Ord>(people: &mut BTreeMap<K, NormPerson>, errors: BTreeMap<K, 
 }
 
 /// Version and experiment of all numbers.
-fn one_analysis(index: &Index, options: &NormOptions, rows: &[QueriedRow]) -> Result<[String; 2]> {
+fn one_analysis(index: &Index, options: &NormOptions, of: &NormPeople) -> Result<[String; 2]> {
     let mut analyses: Vec<[String; 2]> =
-        rows.iter().map(|row| [row.version.clone(), row.analysis.clone()]).collect();
+        of.rows.iter().map(|row| [row.version.clone(), row.analysis.clone()]).collect();
     analyses.sort();
     analyses.dedup();
     match &analyses[..] {
         [one] => Ok(one.clone()),
-        [] => {
-            let known = index.rows(
-                "SELECT DISTINCT region || ' ' || quantity FROM estimate ORDER BY 1",
-                [],
-                |row| row.get::<_, String>(0),
-            )?;
-            let (quantity, region) = (options.quantity(), options.region());
-            Err(Error::Input(format!(
-                "the study has no {quantity} of a region \"{region}\"; it has {}",
-                if known.is_empty() { "no estimate yet: `fluorspar study analyze STUDY` makes them".into() } else { known.join(", ") }
-            )))
-        }
+        [] => Err(nobody(index, options, of)?),
         _ => {
             Err(Error::Input(
                 "the numbers are of several versions of the program or of camera.toml, which must not be mixed: `fluorspar study analyze STUDY \
@@ -465,12 +461,46 @@ fn one_analysis(index: &Index, options: &NormOptions, rows: &[QueriedRow]) -> Re
     }
 }
 
+/// Why a norm has nobody: all are left out, the channel is another, or there is no such number.
+fn nobody(index: &Index, options: &NormOptions, of: &NormPeople) -> Result<Error> {
+    let (quantity, region) = (options.quantity(), options.region());
+    let what = format!("{quantity} of a region \"{region}\"");
+    let left_out = of.refused.len() + of.with_lesion.len();
+    if left_out > 0 {
+        return Ok(Error::Input(format!(
+            "nobody is left for a norm: of {left_out} people with a {what} {} withdrew or refuse, {} have an outcome other than healthy; import \
+             further people",
+            of.refused.len(),
+            of.with_lesion.len()
+        )));
+    }
+    let found = rows(index, &query_of(options, None))?;
+    let channels: BTreeSet<&str> = found.iter().map(|row| row.channel.as_str()).collect();
+    if !channels.is_empty() {
+        let known = channels.into_iter().filter(|channel| !channel.is_empty()).collect::<Vec<_>>().join(", ");
+        return Ok(Error::Input(match known.as_str() {
+            "" => format!("a {what} has no channel; leave ⟨channel⟩ out"),
+            _ => format!("a {what} is that of a channel; give ⟨channel⟩: {known}"),
+        }));
+    }
+    let sql = "SELECT DISTINCT region || ' ' || quantity FROM estimate ORDER BY 1";
+    let known = index.rows(sql, [], |row| row.get::<_, String>(0))?;
+    Ok(Error::Input(format!(
+        "the study has no {what}; it has {}",
+        if known.is_empty() {
+            "no estimate yet: `fluorspar study analyze STUDY` makes them".into()
+        } else {
+            known.join(", ")
+        }
+    )))
+}
+
 /// The norm of a study, and who is left out.
 fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, LeftOut)> {
     let (index, secret) = Study::asked(folder)?;
     let range = range_of(options.quantity())?;
     let of = people_of(&index, options, None, false)?;
-    let analysis = one_analysis(&index, options, &of.rows)?;
+    let analysis = one_analysis(&index, options, &of)?;
     let subjects = of.people;
     let people: Vec<NormPerson> = subjects.values().cloned().collect();
     let norm = NormFile {
@@ -530,6 +560,8 @@ struct CohortRow {
     value: Option<f64>,
     low: Option<f64>,
     high: Option<f64>,
+    #[serde(default)]
+    camera: String,
 }
 
 /// The rows of a table, all of the frame that its estimates are of: colors and signals of further frames stand beside them.
@@ -549,7 +581,9 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
     let text = read_text(path)?;
     let mut views: BTreeMap<u32, BTreeMap<String, Vec<f64>>> = BTreeMap::new();
     let mut errors: BTreeMap<_, Vec<_>> = BTreeMap::new();
+    let mut cameras = BTreeSet::new();
     for row in rows_of_cohort(&text, path)? {
+        cameras.insert(row.camera);
         let is_wanted = row.part == options.region()
             && row.quantity == options.quantity()
             && row.channel == options.channel()
@@ -573,6 +607,7 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
     let people: Vec<NormPerson> = people.into_values().collect();
     let sha256 = fluorspar::digest::sha256_hex([text]);
     let left_out = LeftOut { at_ends: at_ends(&people, range), ..LeftOut::default() };
+    let camera = cameras.pop_first().filter(|camera| cameras.is_empty() && !camera.is_empty());
     let norm = NormFile {
         program: "fluorspar".into(),
         format: NormFile::FORMAT,
@@ -580,7 +615,7 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
         region: options.region().to_owned(),
         quantity: options.quantity().to_owned(),
         channel: options.channel().to_owned(),
-        analysis: [env!("CARGO_PKG_VERSION").into(), sha256.clone()],
+        analysis: [env!("CARGO_PKG_VERSION").into(), camera.unwrap_or_else(|| sha256.clone())],
         cameras: Vec::new(),
         logs: Vec::new(),
         studies: vec![sha256],
@@ -593,6 +628,10 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
 /// Refuses norms that are not of one kind, or of the same people.
 fn check_alike(all: &NormFile, other: &NormFile, path: &Path) -> Result<()> {
     let shown = path.display();
+    if all.origin != "measured" {
+        let why = "simulated people are pooled in their cohort: make one of more (people.count)";
+        return Err(Error::Input(format!("{shown}: {why}")));
+    }
     let key = |norm: &NormFile| {
         [norm.origin.clone(), norm.region.clone(), norm.quantity.clone(), norm.channel.clone()]
     };

@@ -75,8 +75,7 @@ fn shards_kills_and_threads_give_the_same_files() {
         assert!(whole.contains_key(Path::new(name)), "{name}: {:?}", whole.keys());
     }
     let table = String::from_utf8(whole[Path::new("cohort.csv")].clone()).unwrap();
-    let heads =
-        "person,view,part,frame,channel,name,quantity,unit,has_lesion_here,value,low,high,reference,lesions";
+    let heads = "person,view,part,frame,channel,name,quantity,unit,has_lesion_here,value,low,high,reference,lesions,camera";
     assert_eq!(table.lines().next(), Some(heads));
     let with_lesion = |line: &&str| line.contains(",spot,target_contrast,,1,");
     assert!(

@@ -419,4 +419,9 @@ fn what_a_viewing_filter_keeps_is_the_ratio_of_the_integrals() {
     let same = ["--light=led_405", "--view-filter=long_pass_520", "--qe=consumer_rgb_cmos"];
     let of_plot = percent(&kept(&same), "fluorescence_kept_percent");
     assert!((of_plot - of_design).abs() < 0.5, "{of_plot} {of_design}");
+    // All channels of a file whose unit the option says
+    fs::write(folder.join("qe.csv"), "wavelength_nm,R,G,B\n400,2,3,30\n700,50,6,2\n").unwrap();
+    let of_file = "--qe={ csv = \"qe.csv\", unit = \"percent\" }";
+    let drawn = fluorspar(folder, ["plot", of_file, "--json"]).json();
+    assert_eq!(drawn["quantum_efficiency"].as_array().unwrap().len(), 3);
 }

@@ -51,6 +51,11 @@ fn people_become_a_norm_and_stand_in_it() {
     let compared = study(folder, &["compare", "--norm", "norm.json", "--json"]).json();
     let people = compared["people"].as_array().unwrap();
     assert_eq!(people.len(), 12);
+    let of_channel = study(folder, &["norm", "--quantity", "median_signal"]);
+    assert!(
+        of_channel.code == Some(2) && of_channel.stderr.contains("give --channel: B, G, R"),
+        "{of_channel:?}"
+    );
     assert!(people.iter().all(|person| person["standing"] != "outside" && person["has_error"] == false));
     let inside = people.iter().filter(|person| person["standing"] == "inside").count();
     assert!((6..12).contains(&inside), "of twelve it can't be told of those at the ends: {people:?}");
@@ -89,7 +94,11 @@ fn people_become_a_norm_and_stand_in_it() {
         "subject,method,outcome\nP05,biopsy,dysplasia\nP06,biopsy,dysplasia\nP07,,healthy\nP08,,no lesion\nP09,,None\n",
     )
     .unwrap();
-    study(folder, &["import", "--outcomes", "outcomes.csv"]).well();
+    let said = study(folder, &["import", "--outcomes", "outcomes.csv"]).well();
+    assert!(
+        said.stderr.contains("as a lesion: dysplasia; as no lesion: healthy, no lesion, none"),
+        "{said:?}"
+    );
     let against = ["compare", "--norm", "norm.json", "--json"];
     let compared = study(folder, &against).json();
     assert_eq!(
@@ -108,6 +117,12 @@ fn people_become_a_norm_and_stand_in_it() {
         "{}",
         empty.stderr
     );
+    outcomes("P06,biopsy,Benign").unwrap();
+    let unclear = study(folder, &["import", "--outcomes", "outcomes.csv"]);
+    assert!(
+        unclear.code == Some(2) && unclear.stderr.contains("P06 is \"Benign\", which may be"),
+        "{unclear:?}"
+    );
     for (text, areas) in [("P06,biopsy,healthy", 0), ("P06,biopsy,dysplasia", 1)] {
         outcomes(text).unwrap();
         study(folder, &["import", "--outcomes", "outcomes.csv"]).well();
@@ -122,9 +137,18 @@ fn people_become_a_norm_and_stand_in_it() {
     );
     let page = fs::read_to_string(folder.join("who.html")).unwrap();
     let doubts = "10 regions: No porphyrin share on a mixture line";
-    for words in ["nobody outside", "of 10 numbers inside; of ", "P12", "<svg", "normal range", doubts] {
+    let others = "the range of the other people of the norm; the line";
+    for words in
+        ["nobody outside", "of 10 numbers inside; of ", "P12", "<svg", "normal range", doubts, others]
+    {
         assert!(page.contains(words), "{words}");
     }
+    let all: Vec<String> = (4..=12).map(|k| format!("P{k:02},,suspected")).collect();
+    outcomes(&all.join("\n")).unwrap();
+    study(folder, &["import", "--outcomes", "outcomes.csv"]).well();
+    let nobody = study(folder, &norm);
+    let words = "nobody is left for a norm: of 12 people with a chromaticity_r of a region \"tongue\" 3 withdrew or refuse, 9 have";
+    assert!(nobody.code == Some(2) && nobody.stderr.contains(words), "{nobody:?}");
 }
 
 /// Who is in a norm is what the log said when it was made: of whoever refuses later the numbers are still held against the others.
@@ -183,6 +207,33 @@ fn numbers_of_another_analysis_stand_beside_the_old_ones() {
     assert!(r["largest"].as_f64().unwrap() >= r["median"].as_f64().unwrap().abs());
     let log = fs::read_to_string(folder.join("st/log.jsonl")).unwrap();
     assert_eq!(log.matches("\"quantity\":\"chromaticity_r\"").count(), 6);
+    // Simulated people are held against by the same camera alone
+    let camera = folder.join("st/camera.toml").display().to_string();
+    let source = fluorspar_session::ExperimentSource::find(Some(&camera)).unwrap();
+    let own = fluorspar_session::camera_digest(&source, &source.parse(&[]).unwrap()).unwrap();
+    for (camera, compared, doubt) in [(&own[..16], 3, false), ("0123456789abcdef", 0, false), ("", 3, true)] {
+        let row = |k| format!("{k},tongue_dorsum,,,chromaticity_r,0,0.{k:02}1,{camera}\n");
+        let rows: String = (1..=12).map(row).collect();
+        let heads = "person,part,channel,name,quantity,has_lesion_here,value,camera";
+        fs::write(folder.join("cohort.csv"), format!("{heads}\n{rows}")).unwrap();
+        let norm =
+            ["norm", "--cohort=cohort.csv", "--region-name=tongue_dorsum", "--quantity=chromaticity_r"];
+        fluorspar(folder, ["study"].iter().chain(&norm).chain(&["--out=simulated.json"])).well();
+        let said = study(folder, &["compare", "--norm", "simulated.json", "--json", "--out", "who.html"]);
+        let page = fs::read_to_string(folder.join("who.html")).unwrap();
+        assert_eq!(page.contains("the range of simulated people; the line"), compared > 0);
+        assert_eq!(page.contains("no number can be held against them"), compared == 0);
+        for told in [&said.stderr, &page] {
+            assert_eq!(told.contains("nothing tells of which camera"), doubt, "{camera}: {told}");
+        }
+        let said = said.json();
+        assert_eq!(said["people"].as_array().unwrap().len(), compared, "{said}");
+        let others = said["left_out"].to_string().matches("another camera than the simulated").count();
+        assert_eq!(others, 3 - compared, "{said}");
+    }
+    let pool = ["study", "norm", "--pool", "simulated.json", "--pool", "simulated.json"];
+    let pooled = fluorspar(folder, pool);
+    assert!(pooled.code == Some(2) && pooled.stderr.contains("people.count"), "{pooled:?}");
 }
 
 #[test]
@@ -610,6 +661,11 @@ fn the_page_of_studies_is_a_story_that_runs() {
         format!("person,part,channel,name,quantity,has_lesion_here,value\n{cohort}"),
     )
     .unwrap();
+    // Words of no lesion are those of the help, and the help those that are taken so
+    let help = fluorspar(folder, ["study", "import", "--help"]).well().stdout;
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let words = help.split("No lesion are: ").nth(1).and_then(|rest| rest.split(", 0").next()).unwrap();
+    assert!(page.contains(&format!("no lesion are: {words}, 0)")), "{words}");
     let lines: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("    fluorspar ")).collect();
     for line in &lines {
         if line.contains("--pool") {

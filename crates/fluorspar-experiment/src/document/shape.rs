@@ -404,8 +404,10 @@ impl SchemaReader<'_> {
             Mark::Field(_) => false,
             Mark::None => true,
         };
+        let mut rests = alternatives.iter().map(|variant| part(variant, "additionalProperties"));
         Table {
             default: variants.iter().position(is_default),
+            rest: rests.find(|rest| rest.is_object()).map(|rest| Box::new(self.shape(rest))),
             variants,
             whole: is_whole(value),
             ..Table::default()

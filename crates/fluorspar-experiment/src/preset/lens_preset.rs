@@ -172,7 +172,14 @@ mod tests {
             // Sources place the film at a best focus or round the glasses to three digits.
             close("bfl", p.back_focal_length_mm, loaded.published.back_focal_length_mm, 2e-3);
             close("N", state.f_number, loaded.published.f_number, 1e-3);
+            let again = state.f_number_at(loaded.lens.design_wavelength_nm);
+            assert!((again / state.f_number - 1.0).abs() < 1e-9, "{name}: {again}");
         }
+        // The stop is in front: the beam is as wide at every wavelength
+        let doublet = lens("doublet_100mm").unwrap().lens;
+        let state = LensState::new(&doublet, LensSetting::default()).unwrap();
+        let ratio = Paraxial::new(&doublet, 420.0).focal_length_mm / state.paraxial.focal_length_mm;
+        assert!((state.f_number_at(420.0) / state.f_number / ratio - 1.0).abs() < 1e-9 && ratio > 1.0 + 1e-5);
     }
 
     #[test]
@@ -200,6 +207,8 @@ mod tests {
         assert!((near.magnification() + 1.0).abs() < 0.01, "{}", near.magnification());
         assert!((near.film_mm - near.object_mm() - 314.0).abs() < 5.0, "{}", near.film_mm - near.object_mm());
         assert!((near.film_mm - infinity.film_mm).abs() < 1e-9, "the film stays");
+        let again = near.f_number_at(lens_105.design_wavelength_nm);
+        assert!((again / near.f_number - 1.0).abs() < 1e-9, "{again}");
         assert!(near.focus_travel > 0.95 && near.focus_travel <= 1.0, "{}", near.focus_travel);
         let too_near = LensSetting { object_distance_mm: Some(60.0), ..LensSetting::default() };
         let error = LensState::new(&lens("macro_105mm").unwrap().lens, too_near).unwrap_err();

@@ -8,9 +8,10 @@ use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::preset;
 use crate::schema::{
-    CameraSection, EdgeBins, EfficiencyReference, ExperimentFile, FilterAngles, FilterPosition,
-    ImageFormation, LensOrNumber, LensSection, NameOrFile, NameOrTable, RenderSection, SensorSection,
-    SpectralSection, SpectrumReference, TracedLensSection, UniformBins, ViewFilterSection, is_file_name,
+    CameraSection, EdgeBins, EfficiencyColumns, EfficiencyReference, ExperimentFile, FilterAngles,
+    FilterPosition, ImageFormation, LensOrNumber, LensSection, NameOrFile, NameOrTable, RenderSection,
+    SensorSection, SpectralSection, SpectrumReference, TracedLensSection, UniformBins, ViewFilterSection,
+    is_file_name,
 };
 use fluorspar::image::StatisticsKind;
 use fluorspar::optics::{
@@ -467,7 +468,11 @@ pub(crate) fn sensor(
     }
     let at = steps!["sensor", "quantum_efficiency"];
     let channels = match &section.quantum_efficiency {
-        EfficiencyReference::Text(reference) => quantum_efficiency(context, &at, reference, model)?,
+        EfficiencyReference::Text(NameOrTable::Name(name)) => quantum_efficiency(context, &at, name, model)?,
+        EfficiencyReference::Text(NameOrTable::File(csv)) => {
+            columns(context, &at, &EfficiencyColumns { csv: csv.clone(), unit: None }, model)?
+        }
+        EfficiencyReference::Columns(table) => columns(context, &at, table, model)?,
         EfficiencyReference::Channels(table) => efficiencies(context, &at, table, model, grid)?,
     };
     let mut qe = SpectralQe::from_curves(channels).map_err(|problem| context.error(&at, problem.message))?;
@@ -497,7 +502,8 @@ fn warn_truncated(context: &mut Context<'_>, at: &Place, qe: &SpectralQe, grid: 
     }
 }
 
-/// The model with its defaults and its data sheet written out; what was given stays to the last bit.
+/// The model with its defaults and its data sheet written out; what was given stays to the last bit. The voltage per electron by default is
+/// left out: it follows the well and the swing, whoever changes them.
 pub(crate) fn filled(model: &SensorModel) -> SensorModel {
     // A sheet that can't be used has been refused before.
     let model = model.with_data_sheet().unwrap_or_else(|_| model.clone());
@@ -507,7 +513,6 @@ pub(crate) fn filled(model: &SensorModel) -> SensorModel {
             *millivolts = default;
         }
     };
-    fill(&mut filled.conversion_gain_mv_per_e, None, resolved.conversion_gain_mv_per_e);
     fill(&mut filled.read_noise_mv, filled.read_noise_e, resolved.read_noise_mv);
     fill(&mut filled.dsnu_mv, filled.dsnu_e, resolved.dsnu_mv);
     fill(&mut filled.dark_voltage_mv_per_s, filled.dark_current_e_per_s, resolved.dark_voltage_mv_per_s);
@@ -560,29 +565,33 @@ fn efficiencies(
     Ok(channels)
 }
 
-fn quantum_efficiency(
+/// Quantum efficiencies of a file, a column each.
+fn columns(
     context: &mut Context<'_>,
     at: &Place,
-    reference: &NameOrTable,
+    table: &EfficiencyColumns,
     model: &SensorModel,
 ) -> Resolved<Vec<(String, Curve)>> {
     let wanted = channels_of(model);
-    let reference = match reference {
-        NameOrTable::Name(name) => name,
-        NameOrTable::File(path) => {
-            let columns = SpectrumColumns::Named(wanted.clone());
-            let options = SpectrumOptions {
-                columns,
-                quantity: SpectrumQuantity::QuantumEfficiency,
-                negative: Negative::ClipToZero,
-                skip_empty_cells: true,
-                unit: None,
-            };
-            let curves = context.spectra(at, path, &options)?;
-            // A column may be called by more than the name of its channel, as "R (A/W)"
-            return Ok(wanted.into_iter().zip(curves.into_iter().map(|column| column.curve)).collect());
-        }
+    let options = SpectrumOptions {
+        columns: SpectrumColumns::Named(wanted.clone()),
+        quantity: SpectrumQuantity::QuantumEfficiency,
+        negative: Negative::ClipToZero,
+        skip_empty_cells: true,
+        unit: table.unit.map(Into::into),
     };
+    let curves = context.spectra(at, &table.csv, &options)?;
+    // A column may be called by more than the name of its channel, as "R (A/W)"
+    Ok(wanted.into_iter().zip(curves.into_iter().map(|column| column.curve)).collect())
+}
+
+fn quantum_efficiency(
+    context: &mut Context<'_>,
+    at: &Place,
+    reference: &str,
+    model: &SensorModel,
+) -> Resolved<Vec<(String, Curve)>> {
+    let wanted = channels_of(model);
     let preset = preset::quantum_efficiency(reference).map_err(|error| context.error(at, error))?;
     context.note_preset("quantum efficiency", reference, &preset);
     let all = preset.channels().map_err(|error| context.error(at, error.to_string()))?;

@@ -254,8 +254,8 @@ pub struct SensorSection {
     /// preset than before takes the place of the whole section: size, quantum efficiency and all. Default: Table 1 of
     /// Lyu et al. 2021.
     pub preset: Option<String>,
-    /// Quantum efficiency: a name of the catalogue, the path of a CSV file with one column per channel of the mosaic, or
-    /// a table of spectra by channel. Default "consumer_rgb_cmos".
+    /// Quantum efficiency: a name of the catalogue, the path of a CSV file with one column per channel of the mosaic,
+    /// { csv = "FILE", unit = "percent" } of one in another unit, or a table of spectra by channel. Default "consumer_rgb_cmos".
     #[serde(default)]
     pub quantum_efficiency: EfficiencyReference,
     /// Filters on the sensor, for instance an infrared cut. Default: none.

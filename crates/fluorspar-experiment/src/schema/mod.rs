@@ -62,9 +62,9 @@ pub use object::{
 pub(crate) use path::is_file_name;
 pub use path::{FilePath, NameOrFile, NameOrTable};
 pub use reference::{
-    AnatomyMap, CheckerMap, DorsalTongueMap, EfficiencyReference, ImageMap, MatlabSpectrum, NoiseMap,
-    ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable, TableUnit,
-    TextureReference, TextureTable, TongueMap,
+    AnatomyMap, CheckerMap, DorsalTongueMap, EfficiencyColumns, EfficiencyReference, ImageMap,
+    MatlabSpectrum, NoiseMap, ReflectanceReference, ReflectanceTermSection, SpectrumReference, SpectrumTable,
+    TableUnit, TextureReference, TextureTable, TongueMap,
 };
 pub use region::{RegionReference, SensorRegionSection, TargetSection};
 pub use settings::{EdgeBins, RenderSection, SpectralSection, UniformBins};

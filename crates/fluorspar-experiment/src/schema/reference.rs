@@ -308,8 +308,20 @@ pub struct DorsalTongueMap {
 pub enum EfficiencyReference {
     /// A name of the catalogue, or the path of a CSV file with one column per channel.
     Text(NameOrTable),
+    /// Such a file in a unit that its header does not name.
+    Columns(EfficiencyColumns),
     /// A number, an equation or a column of a CSV file by channel, in electrons per photon.
     Channels(BTreeMap<String, SpectrumReference>),
+}
+
+/// A CSV file with one column per channel: `{ csv = "FILE", unit = "percent" }`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EfficiencyColumns {
+    /// Path of the file.
+    pub csv: FilePath,
+    /// Unit of the values. Default: what the header says.
+    pub unit: Option<TableUnit>,
 }
 
 impl Default for EfficiencyReference {

@@ -75,6 +75,20 @@ fn responsivities_in_amperes_per_watt_become_efficiencies() {
     }
 }
 
+/// A file in percent whose header does not say so: all channels are meant.
+#[test]
+fn a_table_of_channels_may_have_a_unit_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("qe.csv"), "wavelength_nm,R,G,B\n400,2,3,30\n500,5,60,20\n").unwrap();
+    let text = "format = 1\n[sensor]\nmosaic = \"rggb\"\nquantum_efficiency = { csv = \"qe.csv\", unit = \"percent\" }\n";
+    let sensor = parse_sensor(text, "qe.toml", folder.path(), &[]).unwrap().sensor;
+    let found: Vec<f64> = sensor.qe().channels().iter().map(|channel| channel.curve.at(500.0)).collect();
+    assert!(
+        found.iter().zip([0.05, 0.6, 0.2]).all(|(found, wanted)| (found - wanted).abs() < 1e-12),
+        "{found:?}"
+    );
+}
+
 #[test]
 fn a_filter_wheel_turns_between_captures() {
     // Colors are analyzed, a monochrome sensor has none.

@@ -68,7 +68,7 @@ pub struct MeasuredSpectra {
 }
 
 /// Share of the largest value, or of the sum of all above 0, up to which values below 0 are noise.
-const NOISE: f64 = 0.03;
+pub(crate) const NOISE: f64 = 0.03;
 /// Samples before and behind one of those many, over which noise averages out.
 const NOISE_WITHIN: usize = 10;
 /// Largest quantum efficiency: below 300 nm a photon may free two electrons.

@@ -186,7 +186,7 @@ fn legend_sample(series: &Series, [x, y]: [f64; 2], marks: &mut Vec<Mark>) {
 
 fn marker(at: [f64; 2], radius: f64, hollow: bool, ink: Ink, marks: &mut Vec<Mark>) {
     if hollow {
-        marks.push(Mark::Dots { points: vec![at], radius: radius + 2.5, opacity: 0.8, ink: Ink::Paper });
+        // What lies within stays seen
         marks.push(Mark::Ring { at, radius, width: 2.5, ink });
     } else {
         marks.push(Mark::Dots { points: vec![at], radius: radius + 1.5, opacity: 1.0, ink: Ink::Paper });
@@ -401,6 +401,14 @@ mod tests {
         let first_half = kept.iter().filter(|point| point[0] < 100_000.0).count();
         assert!((first_half as f64 - 10_000.0).abs() < 5.0 * 95.0, "{first_half}");
         assert_eq!(shown(&points[..9]).len(), 9);
+    }
+
+    /// A ring around a point leaves it seen.
+    #[test]
+    fn rings_hide_nothing() {
+        let mut marks = Vec::new();
+        marker([5.0, 5.0], 8.0, true, Ink::Text, &mut marks);
+        assert!(matches!(marks[..], [Mark::Ring { .. }]));
     }
 
     /// Where a line is interrupted a name may stand.

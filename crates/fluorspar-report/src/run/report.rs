@@ -848,9 +848,11 @@ mod tests {
             change(&mut model);
             let rows = sensor_rows(&model, FrameOrigin::Simulated);
             for (other, name) in NAMES.into_iter().enumerate() {
-                // Its millivolts are stated, its electrons follow from them
-                let own = if name == "Read noise" { "other" } else { "stated" };
-                let expected = if other == index { own } else { "published" };
+                // Its millivolts are stated, its electrons follow from them and the well
+                let is_read_noise = name == "Read noise";
+                let own = if is_read_noise { "other" } else { "stated" };
+                let is_changed = other == index || is_read_noise && index == 1;
+                let expected = if is_changed { own } else { "published" };
                 assert_eq!(word(&rows, name), expected, "{name} after change {index}");
             }
         }

@@ -114,6 +114,7 @@ impl<'a> Words<'a> {
     pub(super) fn efficiency(&self) -> Option<String> {
         match &self.file?.sensor.as_ref()?.quantum_efficiency {
             EfficiencyReference::Text(name) => Some(file_name(name.as_str()).to_owned()),
+            EfficiencyReference::Columns(table) => Some(file_name(table.csv.as_str()).to_owned()),
             EfficiencyReference::Channels(_) => None,
         }
     }

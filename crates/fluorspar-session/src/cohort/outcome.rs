@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use super::work::CohortWork;
 use crate::figure_file::figure_files;
+use crate::photographs::camera_digest;
 use crate::values::csv;
 use crate::{Job, Result};
 
@@ -59,11 +60,12 @@ impl CohortOutcome {
     /// Writes the folder.
     pub(super) fn write(self, work: &CohortWork, folder: OutputFolder, job: &Job) -> Result<Self> {
         let people = work.people()?;
+        let camera = camera_digest(&work.source, &work.cohort.experiment)?;
         job.warn(&unseen(self.0.cohort.lesions(), &self.0.findings));
         let mut files = vec![
             ("results.json".to_owned(), serde_json::to_vec_pretty(&self)?),
             ("people.csv".into(), people_csv(&people, false)?.into_bytes()),
-            ("cohort.csv".into(), self.table().into_bytes()),
+            ("cohort.csv".into(), self.table(&camera[..16]).into_bytes()),
             ("ranges.csv".into(), self.ranges().into_bytes()),
             ("report.html".into(), cohort_report(&self.0).to_html().into_bytes()),
         ];
@@ -75,8 +77,8 @@ impl CohortOutcome {
         Ok(self)
     }
 
-    /// Every number of every person, a line each.
-    fn table(&self) -> String {
+    /// Every number of every person, a line each, with the digest of the camera.
+    fn table(&self, camera: &str) -> String {
         let lesions = self.0.cohort.lesions();
         let with = |person: u32| -> String {
             let held = lesions.iter().filter(|lesion| self.0.cohort.has_lesion(person, lesion));
@@ -89,13 +91,13 @@ impl CohortOutcome {
             let numbers = [finding.value, low, high, finding.reference].map(number);
             let lesion = u8::from(finding.has_lesion);
             format!(
-                "{person},{},{lesion},{},{}",
+                "{person},{},{lesion},{},{},{camera}",
                 names(&finding.quantity),
                 numbers.join(","),
                 csv_cell(&with[person])
             )
         };
-        let heads = format!("person,{NAMES},has_lesion_here,value,low,high,reference,lesions");
+        let heads = format!("person,{NAMES},has_lesion_here,value,low,high,reference,lesions,camera");
         csv(&heads, self.0.findings.iter().map(row))
     }
 

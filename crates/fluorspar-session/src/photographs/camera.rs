@@ -3,13 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use fluorspar::analysis::{sensor_chromaticity, surrounding_share};
+use fluorspar::digest::sha256_hex;
 use fluorspar::image::ChannelImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, Calibration, CapturedFrame, ColorRendering, KnownTarget, RawExposures, develop_frames,
     subtract_what_is_given, target_rates,
 };
+use fluorspar::sensor::SensorModel;
 use fluorspar::spectral::Curve;
 use fluorspar::study::Study;
+use fluorspar_experiment::schema::{AnalysisSection, SensorRegionSection};
 use fluorspar_experiment::{Experiment, Warning, preset, resolve, resolve_captures};
 
 use super::estimate::site_of_region;
@@ -43,6 +46,36 @@ pub(crate) fn camera_study(source: &ExperimentSource, parsed: &Experiment) -> Re
         return Err(Error::Input(format!("{}: {why}", source.name)));
     }
     Ok(study)
+}
+
+/// A digest of what decides the numbers of frames beside what these show: lights, camera, captures and analysis, but for how many pixels
+/// share the sensor and where the analyzed region lies.
+///
+/// # Errors
+/// An experiment that can't be resolved, or has no sensor, lens or capture.
+pub fn camera_digest(source: &ExperimentSource, parsed: &Experiment) -> Result<String> {
+    let Study { scene, camera, captures, .. } = camera_study(source, parsed)?;
+    let sensor = camera.sensor.as_ref().map(|sensor| {
+        let model = sensor.model();
+        // Pixels of another size have the same signal where they collect as much
+        let collects_um2 = format!("{:.5e}", model.fill_factor * model.pixel_size_um.powi(2));
+        let of_any_size =
+            SensorModel { columns: 1, rows: 1, pixel_size_um: 1.0, fill_factor: 1.0, ..model.clone() };
+        (of_any_size, collects_um2, sensor.qe())
+    });
+    let analysis = parsed.file.analysis.clone().map(|section| AnalysisSection {
+        place: SensorRegionSection::default(),
+        inset_px: 0,
+        compared_px: None,
+        region: Vec::new(),
+        bulk: None,
+        tissue: None,
+        ..section
+    });
+    let filters = (&camera.view_filter.stack, &camera.view_filter.transmittance);
+    let lights = (&scene.light_groups, &scene.lights);
+    let all = (env!("CARGO_PKG_VERSION"), lights, &camera.lens, filters, sensor, captures, analysis);
+    Ok(sha256_hex([format!("{all:?}")]))
 }
 
 /// How much of a frame may be skin around the mouth before it is taken for a face.
@@ -212,5 +245,35 @@ impl PhotographCamera {
         analyze_frames(&options, &Regions { main: regions.first(), beside: &regions }, job, see)?;
         found
             .ok_or_else(|| Error::Input(format!("{} has no [analysis] section; add one", quoted(&self.name))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fluorspar_experiment::parse_cohort;
+
+    /// People, views and the number of pixels decide nothing of that; lights, filters and the analysis do.
+    #[test]
+    fn a_cohort_has_the_digest_of_its_camera() {
+        let source = ExperimentSource::find(Some("oraleye-2021")).unwrap();
+        let of = |text: &str| {
+            let text = format!("format = 1\nbase = \"oraleye-2021\"\n{text}");
+            let cohort = parse_cohort(&text, "c.toml", Path::new("."), &[]).unwrap();
+            camera_digest(&source, &cohort.experiment).unwrap()
+        };
+        let own = camera_digest(&source, &source.parse(&[]).unwrap()).unwrap();
+        let small = "[people]\ncount = 2\n[mouth]\ndetail = 0.25\n[render]\nwidth_px = 48\nheight_px = 36\n[spectral]\nstep_nm = 20.0\n\
+                     [analysis]\nparts = [\"tongue_dorsum\"]\n[sensor]\ncolumns = 64\nrows = 48\npixel_size_um = 37.5\nfill_factor = 0.0044\n";
+        assert_eq!(of(small), own);
+        for other in [
+            "[sensor]\nfill_factor = 0.2\n",
+            "[view_filter]\nfilters = [\"long_pass_520\"]\n",
+            "[[light]]\nname = \"blue\"\nspectrum = \"led_405\"\n",
+            "[[capture]]\nname = \"blue\"\nexposure_ms = 20.0\n",
+            "[analysis]\nframe = \"white\"\n",
+        ] {
+            assert_ne!(of(other), own, "{other}");
+        }
     }
 }

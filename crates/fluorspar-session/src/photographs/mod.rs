@@ -7,8 +7,8 @@ mod pairing;
 mod proposal;
 mod table;
 
-pub use camera::PhotographCamera;
 pub(crate) use camera::camera_study;
+pub use camera::{PhotographCamera, camera_digest};
 pub use estimate::{IntervalKind, PatientEstimate, RegionEstimate, UNCONFIRMED};
 pub use pairing::Photograph;
 pub(crate) use pairing::files_below;

@@ -11,7 +11,7 @@ use crate::geometry::OrientedPoint;
 use crate::light::ApparentSize;
 use crate::safety::{
     ApparentSource, Assessment, ExposedTissue, Hazard, Illumination, RetinalObserver, RiskGroup,
-    RiskQuantity, assess, risk_group,
+    RiskQuantity, assess, repeats_per_day, risk_group,
 };
 use crate::scene::Shape;
 use crate::scene::irradiance::emission_factor;
@@ -403,7 +403,7 @@ fn reflected(mucosa: &Illumination, distance_mm: f64, diameter_mm: f64, reflecta
     Illumination { spectra: mucosa.spectra.clone(), sources }
 }
 
-/// Doses add up: a sequence uses `light_on / daily seconds` of each budget, and the hazard that is used up first decides.
+/// Doses add up: the hazard that is used up first decides.
 fn program(captures: &[CaptureSafety]) -> Vec<ProgramSafety> {
     [Viewer::PatientEye, Viewer::OperatorEye, Viewer::Mucosa]
         .into_iter()
@@ -414,26 +414,16 @@ fn program(captures: &[CaptureSafety]) -> Vec<ProgramSafety> {
 
 /// How often a viewer may see all captures in a day: until the daily dose of some hazard is used up.
 fn sequences_per_day(captures: &[CaptureSafety], who: Viewer) -> Option<u64> {
-    let mut used: Vec<(Hazard, f64)> = Vec::new();
-    let (mut assessed, mut too_much) = (true, false);
-    for capture in captures {
-        for viewer in capture.viewers.iter().filter(|v| v.viewer == who) {
-            assessed &= viewer.not_assessed.is_none();
-            too_much |= viewer.smallest_margin.is_some_and(|margin| margin < 1.0);
-            for hazard in &viewer.hazards {
-                let Some(daily_s) = hazard.daily_seconds else { continue };
-                let share = capture.light_on_s / daily_s;
-                match used.iter_mut().find(|(other, _)| *other == hazard.hazard) {
-                    Some((_, sum)) => *sum += share,
-                    None => used.push((hazard.hazard, share)),
-                }
-            }
-        }
+    let seen = || captures.iter().flat_map(|of| of.viewers.iter().map(move |viewer| (of.light_on_s, viewer)));
+    let seen = || seen().filter(|(_, viewer)| viewer.viewer == who);
+    if seen().any(|(_, viewer)| viewer.not_assessed.is_some()) {
+        return None;
     }
-    let most = used.iter().map(|(_, share)| *share).fold(0.0, f64::max);
-    match (assessed, too_much) {
-        (false, _) => None,
-        (true, true) => Some(0),
-        (true, false) => (most > 0.0).then(|| ((1.0 + 1e-12) / most) as u64),
+    if seen().any(|(_, viewer)| viewer.smallest_margin.is_some_and(|margin| margin < 1.0)) {
+        return Some(0);
     }
+    let exposures: Vec<(f64, &[Assessment])> =
+        seen().map(|(seconds, viewer)| (seconds, &viewer.hazards[..])).collect();
+    let hazards = exposures.iter().flat_map(|(_, hazards)| *hazards);
+    hazards.filter_map(|of| repeats_per_day(of.hazard, &exposures)).min()
 }

@@ -93,8 +93,6 @@ pub fn assess(light: &Illumination, duration_s: f64, target: ExposedTissue) -> V
                     light.irradiance(ActionSpectrum::ActinicUv),
                     duration_s,
                     30.0,
-                    f64::INFINITY,
-                    0.0,
                     "J/m²",
                 ),
                 dose(
@@ -103,8 +101,6 @@ pub fn assess(light: &Illumination, duration_s: f64, target: ExposedTissue) -> V
                     light.irradiance(ActionSpectrum::UvA),
                     duration_s,
                     1e4,
-                    1000.0,
-                    10.0,
                     "J/m²",
                 ),
             ];
@@ -119,16 +115,7 @@ pub fn assess(light: &Illumination, duration_s: f64, target: ExposedTissue) -> V
             let all = light.irradiance(ActionSpectrum::SkinThermal);
             let thermal_j_per_m2 = 2e4 * duration_s.min(10.0).powf(0.25) / safety_factor;
             vec![
-                dose(
-                    Hazard::ActinicUv,
-                    "E_s t",
-                    actinic,
-                    duration_s,
-                    30.0 / safety_factor,
-                    f64::INFINITY,
-                    0.0,
-                    "J/m²",
-                ),
+                dose(Hazard::ActinicUv, "E_s t", actinic, duration_s, 30.0 / safety_factor, "J/m²"),
                 rate(Hazard::SkinThermal, "E t", all * duration_s.min(10.0), thermal_j_per_m2, "J/m²"),
             ]
         }
@@ -141,19 +128,10 @@ fn retina(light: &Illumination, duration_s: f64, observer: RetinalObserver) -> V
         RetinalObserver::Aphakic => ActionSpectrum::AphakicBlueLight,
     };
     let radiance = light.averaged_radiance(weight, blue_light_field_rad(duration_s));
-    let mut list = vec![dose(Hazard::BlueLight, "L_B t", radiance, duration_s, 1e6, 1e4, 100.0, "J/(m² sr)")];
+    let mut list = vec![dose(Hazard::BlueLight, "L_B t", radiance, duration_s, 1e6, "J/(m² sr)")];
     if light.extent_rad() < SMALL_SUBTENSE_RAD {
         let irradiance = light.irradiance(weight);
-        list.push(dose(
-            Hazard::BlueLightSmallSource,
-            "E_B t",
-            irradiance,
-            duration_s,
-            100.0,
-            100.0,
-            1.0,
-            "J/m²",
-        ));
+        list.push(dose(Hazard::BlueLightSmallSource, "E_B t", irradiance, duration_s, 100.0, "J/m²"));
     }
     list.extend(retina_thermal(light, duration_s));
     list
@@ -174,19 +152,52 @@ fn retina_thermal(light: &Illumination, duration_s: f64) -> Vec<Assessment> {
     list
 }
 
-/// A hazard that adds up over the day: `level t <= limit` up to `until_s`, from then on `level <= lasting`.
-#[allow(clippy::too_many_arguments, reason = "the columns of a table of limits")]
+impl Hazard {
+    /// Seconds up to which a dose is the limit; from then on it is the level that gives this dose in them. `None` of burns.
+    fn until_s(self) -> Option<f64> {
+        match self {
+            Self::ActinicUv => Some(f64::INFINITY),
+            Self::NearUv => Some(1000.0),
+            Self::BlueLight => Some(1e4),
+            Self::BlueLightSmallSource => Some(100.0),
+            _ => None,
+        }
+    }
+}
+
+/// How often exposures in turn, `(seconds, hazards)` each, may be repeated in 8 hours until a hazard that adds up reaches its limit; `None` of
+/// burns, and without light.
+pub fn repeats_per_day(hazard: Hazard, exposures: &[(f64, &[Assessment])]) -> Option<u64> {
+    let until_s = hazard.until_s()?;
+    let all_s: f64 = exposures.iter().map(|(seconds, _)| seconds).sum();
+    let mut shares: Vec<[f64; 2]> = Vec::new();
+    for (seconds, hazards) in exposures {
+        let of_it = hazards.iter().filter(|of| of.hazard == hazard && of.value > 0.0);
+        shares.extend(of_it.map(|of| [of.value / of.limit * (seconds / until_s).max(1.0), *seconds]));
+    }
+    // The strongest first: light that is weak enough to last thins no dose of others
+    shares.sort_by(|a, b| (b[0] / b[1]).total_cmp(&(a[0] / a[1])));
+    let (mut dose, mut dose_s) = (0.0, 0.0);
+    for [share, seconds] in shares {
+        if (dose + share) * until_s <= dose_s + seconds {
+            break;
+        }
+        (dose, dose_s) = (dose + share, dose_s + seconds);
+    }
+    (all_s > 0.0).then(|| ((1.0 / dose).min(DAY_S / all_s) * (1.0 + 1e-12)) as u64)
+}
+
+/// A hazard that adds up over the day: `level t <= limit` up to [`Hazard::until_s`], from then on `level <= lasting`.
 fn dose(
     hazard: Hazard,
     quantity: &'static str,
     level: f64,
     duration_s: f64,
     limit: f64,
-    until_s: f64,
-    lasting: f64,
     unit: &'static str,
 ) -> Assessment {
-    let value = level * duration_s;
+    let until_s = hazard.until_s().unwrap_or(f64::INFINITY);
+    let (value, lasting) = (level * duration_s, limit / until_s);
     // Past `until_s` the level counts; over the same time it is this dose.
     let limit_here = if duration_s > until_s { lasting * duration_s } else { limit };
     let daily_seconds = if level <= lasting { DAY_S } else { (limit / level).min(DAY_S) };
@@ -310,6 +321,25 @@ mod tests {
         // No light, no margin.
         let list = assess(&Illumination::default(), 1.0, ExposedTissue::Eye(RetinalObserver::Normal));
         assert!(list.iter().all(|a| a.margin.is_none() && a.value == 0.0));
+    }
+
+    /// Light that is weak enough to last takes and thins nothing of the dose of strong light. By hand, of near ultraviolet: 1e4 J/m².
+    #[test]
+    fn doses_of_exposures_in_turn_add_up() {
+        let repeats = |exposures: &[(f64, f64)]| {
+            let eye = ExposedTissue::Eye(RetinalObserver::Normal);
+            let seen = |(level, s): &(f64, f64)| (*s, assess(&line(385.0, *level, 0.05), *s, eye));
+            let seen: Vec<_> = exposures.iter().map(seen).collect();
+            let seen: Vec<_> = seen.iter().map(|(s, hazards)| (*s, &hazards[..])).collect();
+            repeats_per_day(Hazard::NearUv, &seen).unwrap() as f64
+        };
+        near(repeats(&[(20.0, 0.5)]), 1000.0);
+        near(repeats(&[(30.0, 1.0), (20.0, 0.5)]), 250.0);
+        near(repeats(&[(1e-4, 1.0), (20.0, 0.5)]), 1000.0);
+        near(repeats(&[(9.0, 0.1), (20.0, 0.5)]), 1e4 / 10.9);
+        near(repeats(&[(5.0, 2.0), (1e-4, 2.0)]), DAY_S / 4.0);
+        let eye = assess(&line(385.0, 5.0, 0.05), 2.0, ExposedTissue::Eye(RetinalObserver::Normal));
+        assert_eq!(repeats_per_day(Hazard::RetinalThermal, &[(2.0, &eye)]), None);
     }
 
     #[test]

@@ -20,6 +20,6 @@ mod illumination;
 mod risk_group;
 
 pub use action_spectrum::ActionSpectrum;
-pub use hazard::{Assessment, DAY_S, ExposedTissue, Hazard, RetinalObserver, assess};
+pub use hazard::{Assessment, DAY_S, ExposedTissue, Hazard, RetinalObserver, assess, repeats_per_day};
 pub use illumination::{ApparentSource, Illumination};
 pub use risk_group::{RiskGroup, RiskQuantity, risk_group};

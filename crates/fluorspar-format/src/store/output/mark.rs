@@ -15,7 +15,8 @@ const START: u64 = 1 << 20;
 /// What files of this program have in their beginning, by format.
 const MARKS: &[&[u8]] = &[
     WRITTEN_BY.as_bytes(),
-    // glTF, PNG, OpenEXR, descriptions.
+    // Pages without a figure, which has the mark; glTF, PNG, OpenEXR, descriptions.
+    b"name=\"generator\" content=\"Fluorspar ",
     b"\"generator\":\"fluorspar\"",
     b"Software\0fluorspar",
     b"fluorsparQuantity\0",
