@@ -146,7 +146,7 @@ pub(crate) enum Command {
     Denoise(denoise::Options),
     /// Capture raw frames from a component image made by `run` or `render`.
     Capture(Answering<CaptureOptions>),
-    /// Write the light of one capture as a spectral cube: Zarr, ENVI, ISETCam, OME-TIFF; or read such a cube.
+    /// Write the light of one capture as a spectral cube: Zarr, ENVI, ISETCam, OME-TIFF; or read ENVI or ISETCam.
     Cube(Answering<CubeOptions>),
     /// Draw frames of one render side by side: each fluorophore alone, or with changes.
     Sheet(sheet::Options),

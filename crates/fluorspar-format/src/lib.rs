@@ -9,7 +9,7 @@
 //! | spectral image, OpenEXR or NumPy | [`read_spectral_exr`], [`read_spectral_npy`] | [`write_spectral_exr`], [`write_spectral_npy`] |
 //! | component image, OpenEXR or NumPy | [`read_component_exr`], [`read_component_npy`] | [`write_component_exr`], [`write_component_npy`] |
 //! | component image, part by part | [`ComponentFile`] | |
-//! | spectral cube: ENVI, ISETCam; Zarr, OME-TIFF | [`read_cube`] | [`CubeForm::write`], [`write_component_zarr`] |
+//! | spectral cube: ENVI, ISETCam; written alone Zarr, OME-TIFF | [`read_cube`] | [`CubeForm::write`], [`write_component_zarr`] |
 //! | channels of a frame, OME-TIFF, OME-Zarr | | [`write_ome_tiff`], [`write_ome_zarr`] |
 //! | film (exact sums of a render) | [`read_film`] | [`write_film`] |
 //! | raw sensor frame, TIFF, PNG, DNG or packed | [`read_sensor_image`] | [`write_sensor_tiff`], [`write_sensor_png`], [`write_sensor_dng`], [`write_packed_raw`] |

@@ -76,7 +76,7 @@ pub fn cube(options: &CubeOptions, job: &Job) -> Result<WrittenCube> {
         Error::Input(format!("⟨out={}⟩: the name tells no form; {hint}", options.out.display()))
     })?;
     let overrides = options.changes.overrides();
-    let image = match options.image.is_dir() {
+    let image = match options.image.is_dir() && CubeForm::of(&options.image) != Some(CubeForm::Zarr) {
         true => options.image.join("components.exr"),
         false => options.image.clone(),
     };
@@ -94,6 +94,7 @@ pub fn cube(options: &CubeOptions, job: &Job) -> Result<WrittenCube> {
                     false => of_cube.into(),
                 })?;
             check_plain(&options, &overrides)?;
+            warn_of_values_below_zero(&options.image, &cube, job);
             cube
         }
     };
@@ -104,9 +105,19 @@ pub fn cube(options: &CubeOptions, job: &Job) -> Result<WrittenCube> {
 /// Whether the source may be a component image, by its form, or what an OpenEXR file has.
 fn may_hold_components(image: &Path) -> bool {
     match CubeForm::of(image) {
-        Some(CubeForm::Envi | CubeForm::Iset) => false,
+        Some(CubeForm::Envi | CubeForm::Iset | CubeForm::Zarr | CubeForm::OmeTiff) => false,
         Some(CubeForm::Exr) => is_component_exr(image),
         _ => true,
+    }
+}
+
+/// Tells of values below 0 of a cube of another program.
+fn warn_of_values_below_zero(path: &Path, cube: &Cube, job: &Job) {
+    let values = cube.light.values();
+    let below = values.iter().filter(|value| **value < 0.0).count();
+    if below > 0 {
+        let (path, all) = (path.display(), values.len());
+        job.warn(&[format!("{path}: {below} of {all} values are below 0; they are kept as noise").into()]);
     }
 }
 

@@ -55,7 +55,7 @@ pub(crate) struct Options {
         allow_negative_numbers = true)]
     pub(super) checkpoint_s: f64,
     /// Part that is done, for one of several processes: part I of N into the film, and no image; `fluorspar merge` puts the N films together.
-    #[arg(long, value_name = "I/N", requires = "film")]
+    #[arg(long, value_name = "I/N", requires = "film", conflicts_with_all = ["out", "storage"])]
     shard: Option<Shard>,
     /// How samples are divided among the parts.
     #[arg(long, value_enum, default_value_t, requires = "shard")]

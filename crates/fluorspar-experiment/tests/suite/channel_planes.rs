@@ -8,8 +8,8 @@ use std::sync::Arc;
 use crate::support::run;
 use fluorspar::image::{Component, ComponentFactors, ComponentImage, LightPath};
 use fluorspar::pipeline::{
-    CapturePlanes, CaptureResponses, FilmResponse, SeenComponents, capture_irradiance, concentration_factors,
-    scale_multiple,
+    CapturePlanes, CaptureResponses, FilmResponse, LivePlane, LiveView, SeenComponents, capture_from_planes,
+    capture_irradiance, concentration_factors, scale_multiple,
 };
 use fluorspar::sensor::Sensor;
 use fluorspar::study::{Motion, PaintedFactor, Study};
@@ -122,6 +122,57 @@ fn planes_equal_the_chain_on_every_sensor() {
     let mut other = study.clone();
     other.camera.sensor = self::study(IDEAL, &["sensor.columns=60", "sensor.rows=30"]).camera.sensor;
     assert!(largest_difference(&other, &image, &other.camera.sensor.clone().unwrap()) < TOLERANCE);
+}
+
+/// Frames as a live figure adds them up, against those of a camera without noise whose dark current counts. A porphyrin whose share is
+/// estimated can be changed, however weak it is.
+#[test]
+fn live_planes_add_up_to_frames() {
+    let changes = [
+        "sensor.mode.type=\"noise_free\"",
+        "sensor.dark_current_e_per_s=20000",
+        "concentration.protoporphyrin_ix=1e-7",
+        "analysis.frame=\"violet\"",
+    ];
+    let wanted = study(IDEAL, &changes);
+    let image = run(&wanted.scene, &wanted.render);
+    let planes = CapturePlanes::new(&wanted, &image).unwrap();
+    let factors = ComponentFactors::ones(image.components.len());
+    let seen =
+        SeenComponents { image: &image, planes: &planes, captures: &wanted.captures, factors: &factors };
+    let frames = capture_from_planes(&wanted, &seen).unwrap();
+    let view = LiveView::new(&wanted, &seen, &frames).unwrap().unwrap();
+    assert_eq!((view.size, view.captures.len()), ([24, 18], 2));
+    for (raw, live) in frames.iter().map(|frame| &frame.raw).zip(&view.captures) {
+        for place in 0..3 * 24 * 18 {
+            let (channel, pixel) = (["R", "G", "B"][place / (24 * 18)], place % (24 * 18));
+            let lit = view.planes.iter().filter(|plane| plane.response == live.response);
+            let rate = lit.map(|plane| live.drives[plane.group] * f64::from(plane.rates[place])).sum::<f64>();
+            let electrons = ((rate + live.dark_e_per_s) * live.exposure_s).min(live.well_e);
+            let shown = (electrons * live.dn_per_electron * live.gain).min(live.white_dn);
+            let cell = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(row, col)| {
+                let (row, col) = (2 * (pixel / 24) + row, 2 * (pixel % 24) + col);
+                (raw.mosaic.channels[raw.mosaic.channel(row, col)].as_str(), raw.data[row * raw.width + col])
+            });
+            let own: Vec<f64> =
+                cell.iter().filter(|(name, _)| *name == channel).map(|(_, dn)| f64::from(*dn)).collect();
+            let captured = own.iter().sum::<f64>() / own.len() as f64 - raw.black_level;
+            assert!((captured - shown).abs() <= 1.0, "{} {channel} {pixel}: {captured} {shown}", raw.label);
+        }
+    }
+    let weak = |study: &Study| {
+        let view = LiveView::new(study, &seen, &frames).unwrap().unwrap();
+        let own = |plane: &&LivePlane| plane.fluorophore.as_deref() == Some("protoporphyrin_ix");
+        view.planes.iter().filter(own).count()
+    };
+    let unsought = Study { analysis: None, ..wanted.clone() };
+    assert!(weak(&wanted) > weak(&unsought), "{} {}", weak(&wanted), weak(&unsought));
+    for other in [
+        "sensor.mode={ type = \"isetcam\", noise_flag = 0 }",
+        "sensor.shutter={ row_time_us = 10.0, parasitic_light_sensitivity = 0.01 }",
+    ] {
+        assert_eq!(LiveView::new(&study(IDEAL, &[other]), &seen, &frames).unwrap(), None, "{other}");
+    }
 }
 
 #[test]

@@ -186,7 +186,6 @@ impl<'a> Header<'a> {
         let Some(mut centers) = self.numbers("wavelength")? else {
             return self.malformed("the bands have no wavelengths".into(), hint);
         };
-        let edges = self.numbers("wavelength edges")?.filter(|edges| edges.len() == bands + 1);
         let unit = self.get("wavelength units").unwrap_or("nanometers").to_ascii_lowercase();
         match unit.as_str() {
             "nanometers" | "nm" => {}
@@ -198,12 +197,26 @@ impl<'a> Header<'a> {
             return self.malformed(what, hint);
         }
         check_axis(self.path, "the", &centers, |_| None)?;
-        let grid = match edges {
+        let grid = match self.edges(&centers)? {
             Some(edges) => WavelengthGrid::from_edges(&edges),
             None => WavelengthGrid::from_centers(&centers),
         };
         let hint = "Leave the bands that are not taken out of both header and values, or say where each begins and ends by `wavelength edges = { ... }`, nm";
         grid.or_else(|error| self.malformed(error.to_string(), hint))
+    }
+
+    /// Where bands begin and end, nm, if it is told: around the centers.
+    fn edges(&self, centers: &[f64]) -> Result<Option<Vec<f64>>, FormatError> {
+        let edges = self.numbers("wavelength edges")?;
+        let is_around = |edges: &Vec<f64>| {
+            let mut bands = edges.windows(2).zip(centers);
+            edges.len() == centers.len() + 1 && bands.all(|(band, nm)| (band[0]..=band[1]).contains(nm))
+        };
+        if edges.as_ref().is_none_or(is_around) {
+            return Ok(edges);
+        }
+        let what = "not every wavelength lies between the wavelength edges of its band".into();
+        self.malformed(what, "Give the edges in nm, one more than bands, or leave `wavelength edges` out")
     }
 
     /// Whether the values are radiance, and what they are multiplied with.

@@ -8,6 +8,7 @@ mod zarr;
 
 use std::path::{Path, PathBuf};
 
+use crate::table::spectra::NOISE;
 use crate::{
     ExrOptions, FormatError, Provenance, read_spectral_image, write_spectral_exr, write_spectral_npy,
 };
@@ -160,9 +161,10 @@ impl CubeForm {
 /// Reads a cube: ENVI, a scene or an optical image of ISETCam, radiance or irradiance as OpenEXR or NumPy.
 ///
 /// # Errors
-/// Another form; no wavelengths or no unit; a damaged file.
+/// Another form; no wavelengths or no unit; of ENVI and ISETCam, values below 0 that are no noise; a damaged file.
 pub fn read_cube(path: &Path) -> Result<Cube, FormatError> {
-    match CubeForm::of(path) {
+    let form = CubeForm::of(path);
+    match form {
         Some(CubeForm::Envi) => envi::read_envi(path),
         Some(CubeForm::Iset) => iset::read_iset(path),
         Some(CubeForm::Exr | CubeForm::Npy) => {
@@ -181,19 +183,30 @@ pub fn read_cube(path: &Path) -> Result<Cube, FormatError> {
         }
         _ => Err(FormatError::unsupported(
             path,
-            "this is no cube that is read",
+            form.map_or("this is no cube", |_| "Zarr and OME-TIFF are written, not read"),
             "Read are ENVI (.hdr), scenes of ISETCam (.mat), OpenEXR (.exr) and NumPy (.npy)",
         )),
     }
 }
 
-/// Values as an image.
+/// Values as an image. Some below 0 are noise, as in tables of spectra.
 fn image_of<Q: Quantity>(
     path: &Path,
     grid: &WavelengthGrid,
     [width, height]: [usize; 2],
     values: Vec<f32>,
 ) -> Result<SpectralImage<Q>, FormatError> {
+    let beyond = |sign: f32| {
+        let sizes = || values.iter().map(|value| f64::from((sign * value).max(0.0)));
+        [sizes().sum(), sizes().fold(0.0, f64::max)]
+    };
+    let (below, above) = (beyond(-1.0), beyond(1.0));
+    if [0, 1].iter().all(|k| below[*k] > NOISE * above[*k]) {
+        let (count, lowest) = (values.iter().filter(|value| **value < 0.0).count(), -below[1]);
+        let what = format!("{count} of {} values are below 0, as far as {lowest:.2e}", values.len());
+        let hint = "Check data type, gains and offsets, and put 0 where nothing was measured";
+        return Err(FormatError::malformed(path, what, hint));
+    }
     SpectralImage::from_data(grid.clone(), width, height, values)
         .map_err(|error| FormatError::malformed(path, error.to_string(), "Write the file again"))
 }

@@ -7,7 +7,7 @@ use std::io::Read;
 use std::path::Path;
 
 use fluorspar::image::{Component, ComponentImage, FeatureMaps, LightPath, SpectralImage, View};
-use fluorspar::spectral::{Quantity, WavelengthGrid};
+use fluorspar::spectral::{Quantity, Radiance, WavelengthGrid};
 use fluorspar_format::{
     Cube, CubeFacts, CubeForm, CubeLight, OmeChannel, OmeFacts, read_cube, write_component_zarr,
     write_ome_tiff, write_ome_zarr,
@@ -122,10 +122,13 @@ fn gains_and_offsets_of_bands_are_applied_and_ignored_values_refused() {
         fs::write(path.with_extension("dat"), values.map(i16::to_le_bytes).concat()).unwrap();
         read_cube(&path)
     };
-    let CubeLight::Radiance(image) = write(header, [100, 200, -300, 0]).unwrap().light else { panic!() };
-    for (value, wanted) in image.data().iter().zip([1e-3, 4.5e-3, -3e-3, 0.5e-3]) {
+    let CubeLight::Radiance(image) = write(header, [100, 200, -10, 0]).unwrap().light else { panic!() };
+    for (value, wanted) in image.data().iter().zip([1e-3, 4.5e-3, -1e-4, 0.5e-3]) {
         assert!((value - wanted).abs() < 1e-9, "{value} {wanted}");
     }
+    // More than noise
+    let said = write(header, [100, 200, -300, 0]).unwrap_err().to_string();
+    assert!(said.contains("1 of 4 values are below 0, as far as -3.00e-3. Check"), "{said}");
     let ignoring = format!("{header}data ignore value = -9999\n");
     assert!(write(&ignoring, [1, 2, 3, 4]).is_ok());
     let said = write(&ignoring, [1, 2, -9999, 4]).unwrap_err().to_string();
@@ -159,6 +162,12 @@ fn what_is_wrong_with_a_cube_is_told() {
         ("data type = 4", "data type = 6", "data type = 6. Read are bytes"),
         ("bip", "bop", "interleave = bop. It is bip, bil or bsq"),
         ("{500, 510}", "{500, 510, 520}", "there are 2 bands and 3 wavelengths. Add `wavelength"),
+        (
+            "{500, 510}",
+            "{500, 510}\nwavelength edges = {395, 405, 415}",
+            "not every wavelength lies between the wavelength edges of its band. Give the edges in nm",
+        ),
+        ("{500, 510}", "{500, 510}\nwavelength edges = {495, 515}", "not every wavelength lies"),
         ("{500, 510}", "{510, 500}", "the wavelength 500 nm follows 510 nm. Sort by wavelength"),
         (
             "W/(m^2 sr nm)",
@@ -175,10 +184,13 @@ fn what_is_wrong_with_a_cube_is_told() {
     assert!(said(good).contains("it has 7 bytes, and its header tells of 8. Copy both files again"));
     fs::write(path.with_extension("dat"), [0; 12]).unwrap();
     assert!(said(good).contains("it has 12 bytes, and its header tells of 8. Give samples"));
-    let path = folder.path().join("c.zarr");
-    assert!(
-        read_cube(&path).unwrap_err().to_string().contains("Read are ENVI (.hdr), scenes of ISETCam (.mat)")
-    );
+    let said = read_cube(&folder.path().join("c.zarr")).unwrap_err().to_string();
+    assert!(said.contains("Zarr and OME-TIFF are written, not read. Read are ENVI (.hdr), scenes"), "{said}");
+    // Light that is taken from another
+    let dark = SpectralImage::from_data(image::<Radiance>().grid().clone(), 1, 1, vec![-1e-3; 4]).unwrap();
+    let path = folder.path().join("c.mat");
+    CubeForm::Iset.write(&path, &cube(CubeLight::Radiance(dark))).unwrap();
+    assert!(read_cube(&path).unwrap_err().to_string().contains("4 of 4 values are below 0"));
 }
 
 /// The values of a chunk.

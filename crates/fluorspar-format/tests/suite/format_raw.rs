@@ -5,8 +5,11 @@
 use std::fs;
 
 use fluorspar::image::{Mosaic, SensorImage};
+use fluorspar::sensor::{Exposure, Sensor, SensorMode, SensorModel, SpectralQe};
+use fluorspar::spectral::Curve;
 use fluorspar_format::{
     Defect, DngColor, Provenance, RawPacking, read_sensor_image, write_packed_raw, write_sensor_dng,
+    write_sensor_tiff,
 };
 use tiff::decoder::{Decoder, ifd::Value};
 use tiff::tags::Tag;
@@ -38,6 +41,24 @@ fn frame(width: usize, height: usize, bits: u8, mosaic: Mosaic) -> SensorImage {
 
 fn provenance() -> Provenance {
     Provenance::new("a = 1", "a = 1\nb = \"x\"", 7, 64)
+}
+
+/// ISETCam's converter has one code more than its bits count.
+#[test]
+fn a_frame_of_isetcam_comes_back_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let mode = SensorMode::Isetcam { noise_flag: 2 };
+    let mosaic = vec![vec!["mono".into()]];
+    let model = SensorModel { columns: 6, rows: 4, mosaic, mode, ..SensorModel::default() };
+    let qe = SpectralQe::from_curves([("mono", Curve::constant(0.5))]).unwrap();
+    let image = Sensor::new(model, qe).unwrap().expose_even(1e9, &Exposure::default()).unwrap();
+    assert_eq!((image.bit_depth, image.white_level, image.data[0]), (13, 4096, 4096));
+    let [tiff, dng] = ["raw.tiff", "raw.dng"].map(|name| folder.path().join(name));
+    write_sensor_tiff(&tiff, &image, None).unwrap();
+    write_sensor_dng(&dng, &image, &DngColor::default(), None).unwrap();
+    for path in [tiff, dng] {
+        assert_eq!(read_sensor_image(&path).unwrap().image, image, "{}", path.display());
+    }
 }
 
 #[test]

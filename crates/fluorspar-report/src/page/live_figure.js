@@ -40,8 +40,8 @@ function sum(drives) {
 }
 
 function draw() {
-  const { dn_per_electron, white_dn, well_e, matrix, lift, white, is_colored, subtracted } = capture;
-  const [rates, ambient] = [sum(now.drives), subtracted.some((drive) => drive > 0) ? sum(subtracted) : null];
+  const { dn_per_electron, white_dn, well_e, dark_e_per_s, matrix, lift, white, is_colored, subtracted } = capture;
+  const [rates, ambient] = [sum(now.drives), subtracted && sum(subtracted)];
   const [time, scale] = [now.exposure_s, dn_per_electron * now.gain];
   const picture = new ImageData(...data.size);
   let clipped = 0;
@@ -49,9 +49,9 @@ function draw() {
     let isFull = false;
     const dn = [0, 1, 2].map((channel) => {
       const at = (channel % data.channels) * pixels + pixel;
-      const value = Math.min(Math.min(Math.max(rates[at], 0) * time, well_e) * scale, white_dn);
+      const value = Math.min(Math.min((Math.max(rates[at], 0) + dark_e_per_s) * time, well_e) * scale, white_dn);
       isFull ||= value >= Math.min(white_dn, well_e * scale);
-      return value - (ambient ? ambient[at] * time * scale : 0);
+      return value - (ambient ? (ambient[at] + dark_e_per_s) * time * scale : 0);
     });
     clipped += isFull;
     let color = matrix.map((row) => row[0] * dn[0] + row[1] * dn[1] + row[2] * dn[2]);

@@ -105,6 +105,7 @@ fn capture(capture: &LiveCapture) -> Value {
         "dn_per_electron": capture.dn_per_electron,
         "white_dn": capture.white_dn,
         "well_e": capture.well_e,
+        "dark_e_per_s": capture.dark_e_per_s,
         "matrix": capture.rendering.matrix,
         "lift": capture.rendering.lift,
         "is_colored": !capture.rendering.is_of_own_channels(),

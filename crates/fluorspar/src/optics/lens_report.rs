@@ -204,7 +204,7 @@ impl LensReport {
         Self {
             name: state.lens.name.clone(),
             wavelength_nm: nm,
-            f_number: state.f_number,
+            f_number: state.f_number_at(nm),
             working_f_number,
             axial_solid_angle_sr,
             stop_diameter_mm: 2.0 * stop,

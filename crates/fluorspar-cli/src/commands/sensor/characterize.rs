@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::{ValueEnum, ValueHint};
+use clap::{ArgAction, ValueEnum, ValueHint};
 use fluorspar::sensor::{Characterization, CharacterizationSettings, SensorProblem, characterize};
 use fluorspar::units::number_text;
 use fluorspar_experiment::ResolvedSensor;
@@ -38,7 +38,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "G", default_value_t = 1.0, value_parser = values::number, allow_negative_numbers = true)]
     gain: f64,
     /// Columns and rows in the middle of the sensor that are measured.
-    #[arg(long, num_args = 2, value_names = ["COLUMNS", "ROWS"], default_values_t = [640, 480],
+    #[arg(long, num_args = 2, action = ArgAction::Set, value_names = ["COLUMNS", "ROWS"], default_values_t = [640, 480],
         value_parser = values::whole::<usize, 16, 100_000>, allow_negative_numbers = true)]
     region: Vec<usize>,
     /// Steps of the light from dark to saturation.

@@ -3,7 +3,7 @@
 use super::preview::{ColorRendering, preview_white};
 use crate::image::{Component, LightPath};
 use crate::pipeline::{CapturedFrame, PipelineError, SeenComponents};
-use crate::sensor::{ElectronRate, Sensor};
+use crate::sensor::{ElectronRate, Sensor, SensorMode};
 use crate::study::{Capture, Study};
 
 /// Frames of a study, in blocks of pixels.
@@ -34,8 +34,8 @@ pub struct LivePlane {
     pub rates: Vec<f32>,
 }
 
-/// How a frame becomes a picture. Rates times time are electrons, times `dn_per_electron` times gain digital numbers, which clip at
-/// `white_dn`, electrons at `well_e`; the matrix makes colors of these, and [`super::preview_with_white`] a picture.
+/// How a frame becomes a picture. Rates and the dark current times time are electrons, times `dn_per_electron` times gain digital numbers,
+/// which clip at `white_dn`, electrons at `well_e`; the matrix makes colors of these, and [`super::preview_with_white`] a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveCapture {
     /// Name of the capture.
@@ -44,8 +44,8 @@ pub struct LiveCapture {
     pub response: usize,
     /// Drives of the light groups.
     pub drives: Vec<f64>,
-    /// Those of the frame that is subtracted, scaled to its exposure; zeros without one.
-    pub subtracted: Vec<f64>,
+    /// Those of the frame that is subtracted, scaled to its exposure, if one is.
+    pub subtracted: Option<Vec<f64>>,
     /// Exposure time, s.
     pub exposure_s: f64,
     /// Analog gain.
@@ -56,6 +56,8 @@ pub struct LiveCapture {
     pub white_dn: f64,
     /// Full well, e-.
     pub well_e: f64,
+    /// Mean dark current, e-/s.
+    pub dark_e_per_s: f64,
     /// Colors and their lift.
     pub rendering: ColorRendering,
     /// Level that is shown as white.
@@ -65,7 +67,7 @@ pub struct LiveCapture {
 /// Largest number of pixels, and of values of all planes.
 const MOST_PIXELS: usize = 160 * 120;
 const MOST_VALUES: usize = 1 << 20;
-/// Share of the light of a group from which on a fluorophore has planes of its own.
+/// Share of the light of a group from which on a fluorophore has planes of its own. One whose share is estimated has them in any case.
 const LEAST_SHARE: f64 = 1e-3;
 
 /// Light that has planes of its own.
@@ -80,7 +82,7 @@ struct Part {
 impl LiveView {
     /// The frames of a study from what its captures see. `None` without captures, and where frames are no
     /// sums of pixels: exposures that are merged, a well that bends, hands that move, painted concentrations, pixels that are joined or left
-    /// out, light in flashes, calibration frames, and frames subtracted behind another filter.
+    /// out, light in flashes or in storage nodes, formulas of ISETCam, calibration frames, and frames subtracted behind another filter.
     ///
     /// # Errors
     /// A study without sensor; a sensor that the planes do not fit.
@@ -100,7 +102,7 @@ impl LiveView {
                 groups.push(component.light_group.clone());
             }
         }
-        let parts = parts(sensor, seen, &groups)?;
+        let parts = parts(study, sensor, seen, &groups)?;
         let channels = sensor.mosaic().channels.as_slice();
         let find = |name: &str| channels.iter().position(|channel| channel == name);
         let shown = match [find("R"), find("G"), find("B")] {
@@ -127,7 +129,9 @@ fn has_plain_frames(study: &Study, sensor: &Sensor) -> bool {
     let (model, develop) = (sensor.model(), &study.develop);
     let is_calibrated = develop.dark_frames > 0 || develop.flat_field.is_some();
     let is_cut = model.binning.is_some() || model.region_px.is_some();
-    model.well_knee == 1.0 && model.strobe.is_none() && study.motion.is_none() && !is_calibrated && !is_cut
+    let is_steady = model.strobe.is_none() && model.shutter.parasitic_light_sensitivity == 0.0;
+    let is_linear = model.well_knee == 1.0 && !matches!(model.mode, SensorMode::Isetcam { .. });
+    is_linear && is_steady && study.motion.is_none() && !is_calibrated && !is_cut
 }
 
 /// Whether concentrations are even, and what is subtracted was seen behind the same filters.
@@ -142,7 +146,14 @@ fn is_plain(seen: &SeenComponents<'_>) -> bool {
 }
 
 /// Reflected light and that of weak fluorophores of each group, and that of each other fluorophore.
-fn parts(sensor: &Sensor, seen: &SeenComponents<'_>, groups: &[String]) -> Result<Vec<Part>, PipelineError> {
+fn parts(
+    study: &Study,
+    sensor: &Sensor,
+    seen: &SeenComponents<'_>,
+    groups: &[String],
+) -> Result<Vec<Part>, PipelineError> {
+    let plans = || study.analysis.iter().chain(study.regions.iter().map(|region| &region.analysis));
+    let is_sought = |name: &str| plans().any(|plan| plan.porphyrin.as_deref() == Some(name));
     let mut parts: Vec<Part> = Vec::new();
     for response in 0..seen.planes.planes.len() {
         let first = seen.planes.of_capture.iter().position(|of| *of == response).unwrap_or(0);
@@ -159,7 +170,8 @@ fn parts(sensor: &Sensor, seen: &SeenComponents<'_>, groups: &[String]) -> Resul
             for component in seen.image.components.iter().filter(|c| c.light_group == *name) {
                 let LightPath::Fluorescence(fluorophore) = &component.light else { continue };
                 let rate = rate_of(&|other| other.light == component.light)?;
-                if alone.contains(fluorophore) || total(&rate) <= LEAST_SHARE * all {
+                let least = if is_sought(fluorophore) { 0.0 } else { LEAST_SHARE * all };
+                if alone.contains(fluorophore) || total(&rate) <= least {
                     continue;
                 }
                 alone.push(fluorophore.clone());
@@ -226,12 +238,13 @@ fn of_frame(
         name: raw.label.clone(),
         response: seen.planes.of_capture[number],
         drives: drives(capture),
-        subtracted: subtracted.unwrap_or_else(|| vec![0.0; groups.len()]),
+        subtracted,
         exposure_s: raw.exposure_s,
         gain: raw.gain,
         dn_per_electron: raw.dn_per_electron / raw.gain,
         white_dn: f64::from(raw.white_level) - raw.black_level,
         well_e: sensor.model().well_capacity_e,
+        dark_e_per_s: sensor.model().dark_electrons_per_s(),
         rendering,
         white: preview_white(&frame.developed, &rendering),
     })
