@@ -339,7 +339,7 @@ FilterAngles: TypeAlias = "Literal['fixed', 'lens']"
 FilterPosition: TypeAlias = "Literal['front', 'rear']"
 """Where the viewing filters are."""
 
-EfficiencyReference: TypeAlias = "NameOrTable | dict[str, SpectrumReference]"
+EfficiencyReference: TypeAlias = "NameOrTable | EfficiencyColumns | dict[str, SpectrumReference]"
 """A name of the catalogue, the path of a CSV file with one column per channel, or a table with one spectrum per channel."""
 
 ShutterKind: TypeAlias = "Literal['global', 'rolling']"
@@ -773,8 +773,8 @@ class SensorSection(TypedDict, total=False):
     """Sensor of the catalogue whose fields hold where this section gives none. On a base or by an override, another preset
     than before takes the place of the whole section: size, quantum efficiency and all. Default: Table 1 of Lyu et al. 2021."""
     quantum_efficiency: EfficiencyReference
-    """Quantum efficiency: a name of the catalogue, the path of a CSV file with one column per channel of the mosaic, or a
-    table of spectra by channel. Default "consumer_rgb_cmos"."""
+    """Quantum efficiency: a name of the catalogue, the path of a CSV file with one column per channel of the mosaic, { csv =
+    "FILE", unit = "percent" } of one in another unit, or a table of spectra by channel. Default "consumer_rgb_cmos"."""
     filters: list[SpectrumReference]
     """Filters on the sensor, for instance an infrared cut. Default: none."""
     columns: int
@@ -869,6 +869,15 @@ class SensorSection(TypedDict, total=False):
     """Which equations to use."""
     device_seed: int
     """Seed of everything that belongs to the device and stays from frame to frame."""
+
+
+class EfficiencyColumns(TypedDict, total=False):
+    """A CSV file with one column per channel: `{ csv = "FILE", unit = "percent" }`."""
+
+    csv: FilePath
+    """Path of the file."""
+    unit: TableUnit
+    """Unit of the values. Default: what the header says."""
 
 
 class Crosstalk(TypedDict, total=False):
