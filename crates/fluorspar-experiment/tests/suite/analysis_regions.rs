@@ -7,6 +7,8 @@ use std::sync::atomic::AtomicBool;
 use fluorspar::image::ComponentImage;
 use fluorspar::pipeline::{AnalyzedFrame, Evaluation, evaluate};
 use fluorspar::render::{RenderControl, render};
+use fluorspar::sampling::Z_95;
+use fluorspar::sensor::{Sensor, SensorModel};
 use fluorspar::study::{RegionPlan, Study};
 use fluorspar_experiment::{Experiment, ExperimentError, parse, resolve, show_the_same_scene};
 
@@ -116,6 +118,32 @@ fn the_truth_of_a_region_is_of_all_channels_and_its_place() {
         porphyrin.share / porphyrin.true_share.unwrap()
     };
     assert!((off(3.0) / off(1.0) - 1.0).abs() < 0.01, "{} {}", off(3.0), off(1.0));
+}
+
+/// What rows share scatters the share as much as it says: the deviation of 40 frames is known to 1 / sqrt(80) = 0.11, held to four of that.
+#[test]
+fn noise_of_rows_is_in_the_error_of_a_region() {
+    const FRAMES: u64 = 40;
+    let mut study =
+        study("", &["analysis.parts=[\"patch\"]", "sensor.row_noise_mv=2.0", "sensor.row_offset_mv=2.0"]);
+    let image = rendered(&study);
+    let (mut sums, mut variance) = ([0.0; 2], 0.0);
+    for seed in 1..=FRAMES {
+        study.render.seed = seed;
+        study.camera.sensor = Some(other_device(&study, seed));
+        let budget = evaluate(&study, &image).unwrap().analysis.unwrap().analysis.budget.unwrap();
+        sums = [sums[0] + budget.share, sums[1] + budget.share.powi(2)];
+        variance += (budget.sensor_noise / Z_95).powi(2) / FRAMES as f64;
+    }
+    let n = FRAMES as f64;
+    let found = ((sums[1] - sums[0] * sums[0] / n) / (n - 1.0)).sqrt();
+    let ratio = found / variance.sqrt();
+    assert!((ratio - 1.0).abs() < 4.0 / (2.0 * n).sqrt(), "{ratio}: {found}");
+}
+
+fn other_device(study: &Study, device_seed: u64) -> Sensor {
+    let sensor = study.camera.sensor.as_ref().unwrap();
+    Sensor::new(SensorModel { device_seed, ..sensor.model().clone() }, sensor.qe().clone()).unwrap()
 }
 
 /// A spot behind the patch is hidden, and one of no more than its rim is not within it: the others are as without them.

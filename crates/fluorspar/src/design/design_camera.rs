@@ -63,13 +63,10 @@ pub struct DesignCamera {
     weights: Vec<Vec<f64>>,
 }
 
-/// Pixels that are joined count as one, which holds the electrons of all; digital numbers have a read noise each, which those of a line
-/// share in part.
+/// Pixels that are joined count as one, which holds the electrons of all; digital numbers have a read noise each.
 struct Joined {
     pixels: f64,
     reads: f64,
-    /// Factors on the variances of a row and of a column.
-    lines: [f64; 2],
     full_e: f64,
 }
 
@@ -77,18 +74,14 @@ impl Joined {
     /// Of a sensor whose converter is full at so many electrons.
     fn of(model: &SensorModel, converter_e: f64) -> Self {
         let pixels = model.binning.map_or(1.0, |binning| binning.pixels() as f64);
-        match model.binning {
+        let (reads, full_e) = match model.binning {
             Some(Binning { kind: BinningKind::Charge, well_capacity_e, .. }) => {
                 let node_e = well_capacity_e.unwrap_or(pixels * model.well_capacity_e);
-                let full_e = (pixels * model.well_capacity_e).min(node_e).min(converter_e);
-                Self { pixels, reads: 1.0, lines: [1.0; 2], full_e }
+                (1.0, (pixels * model.well_capacity_e).min(node_e).min(converter_e))
             }
-            binning => {
-                let lines =
-                    binning.map_or([1.0; 2], |of| [of.columns, of.rows].map(|side| pixels * side as f64));
-                Self { pixels, reads: pixels, lines, full_e: pixels * model.well_capacity_e.min(converter_e) }
-            }
-        }
+            _ => (pixels, pixels * model.well_capacity_e.min(converter_e)),
+        };
+        Self { pixels, reads, full_e }
     }
 }
 
@@ -106,7 +99,7 @@ impl DesignCamera {
         let behind_lens = sensor.behind(lens_transmittance);
         let black_dn = model.black_level_dn + model.analog_offset_mv * 1e-3 / model.volts_per_dn();
         let converter_e = (f64::from(model.max_code()) - black_dn) / dn_per_e;
-        let Joined { pixels: joined, reads, lines, full_e } = Joined::of(model, converter_e);
+        let Joined { pixels: joined, reads, full_e } = Joined::of(model, converter_e);
         let of_lines_e2 =
             [model.row_noise_mv, model.column_noise_mv].map(|mv| model.electrons_of_mv(mv).powi(2));
         let of_pixel_e2 = model.dark_noise_electrons(gain).powi(2) - of_lines_e2.iter().sum::<f64>();
@@ -117,7 +110,11 @@ impl DesignCamera {
             channels: sensor.mosaic().channels.clone(),
             shares: sensor.mosaic().shares(),
             dark_variance_e2: reads * of_read_e2,
-            line_variance_e2: lines[0] * of_lines_e2[0] + lines[1] * of_lines_e2[1],
+            line_variance_e2: of_lines_e2
+                .iter()
+                .zip(model.image_line_factors())
+                .map(|(of, factor)| of * factor)
+                .sum(),
             dark_e_per_s: joined * model.dark_electrons_per_s(),
             prnu: model.image_prnu_percent() / 100.0,
             full_e,

@@ -343,6 +343,17 @@ impl SensorModel {
         self.dsnu_electrons() * reads.sqrt()
     }
 
+    /// Variance of a pixel of the raw image by what a row and a column share, over that of one read: joined digital numbers hold several
+    /// reads of a line.
+    pub fn image_line_factors(&self) -> [f64; 2] {
+        match &self.binning {
+            Some(binning) if binning.kind != BinningKind::Charge => {
+                [binning.columns, binning.rows].map(|side| (side * binning.pixels()) as f64)
+            }
+            _ => [1.0; 2],
+        }
+    }
+
     /// The model with its data sheet, if it has one, written into its own fields.
     ///
     /// # Errors

@@ -50,14 +50,17 @@ pub fn noise_of(image: &ChannelImage, dn_per_electron: f64, sensor: &Sensor) -> 
         .as_ref()
         .map_or((1.0, 1.0), |light| (light.exposure_ratio.hypot(1.0), (1.0 - light.exposure_ratio).abs()));
     let left = if is_calibrated(|by| by.has_dark) { 0.0 } else { left };
+    let [of_rows, of_columns] = model.image_line_factors().map(f64::sqrt);
     let line_dn = |noise_mv: f64, offset_mv: f64| {
         dn_per_electron
             * model.electrons_of_mv(again * noise_mv).hypot(model.electrons_of_mv(left * offset_mv))
     };
+    let joined_columns = model.binning.map_or(1.0, |binning| binning.columns as f64);
+    let gain = if is_calibrated(|by| by.has_flat) { 0.0 } else { model.column_gain_percent / 100.0 };
     let lines = LineNoise {
-        row_dn: line_dn(model.row_noise_mv, model.row_offset_mv),
-        column_dn: line_dn(model.column_noise_mv, model.column_offset_mv),
-        column_gain: if is_calibrated(|by| by.has_flat) { 0.0 } else { model.column_gain_percent / 100.0 },
+        row_dn: of_rows * line_dn(model.row_noise_mv, model.row_offset_mv),
+        column_dn: of_columns * line_dn(model.column_noise_mv, model.column_offset_mv),
+        column_gain: gain / joined_columns.sqrt(),
     };
     ChannelNoise { lines, ..ChannelNoise::of_image(image, dn_per_electron, prnu, dsnu) }
 }
