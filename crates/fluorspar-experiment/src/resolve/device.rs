@@ -8,10 +8,10 @@ use super::spectrum::Role;
 use crate::error::{Place, steps};
 use crate::preset;
 use crate::schema::{
-    CameraSection, EdgeBins, EfficiencyColumns, EfficiencyReference, ExperimentFile, FilterAngles,
+    CameraSection, EdgeBins, EfficiencyColumns, EfficiencyReference, ExperimentFile, FilePath, FilterAngles,
     FilterPosition, ImageFormation, LensOrNumber, LensSection, NameOrFile, NameOrTable, RenderSection,
-    SensorSection, SpectralSection, SpectrumReference, TracedLensSection, UniformBins, ViewFilterSection,
-    is_file_name,
+    SensorSection, SpectralSection, SpectrumReference, SpectrumTable, TableUnit, TracedLensSection,
+    UniformBins, ViewFilterSection, is_file_name,
 };
 use fluorspar::image::StatisticsKind;
 use fluorspar::optics::{
@@ -469,10 +469,19 @@ pub(crate) fn sensor(
     let at = steps!["sensor", "quantum_efficiency"];
     let channels = match &section.quantum_efficiency {
         EfficiencyReference::Text(NameOrTable::Name(name)) => quantum_efficiency(context, &at, name, model)?,
-        EfficiencyReference::Text(NameOrTable::File(csv)) => {
-            columns(context, &at, &EfficiencyColumns { csv: csv.clone(), unit: None }, model)?
+        EfficiencyReference::Text(NameOrTable::File(csv)) => columns(context, &at, csv, None, model)?,
+        EfficiencyReference::Columns(EfficiencyColumns { csv, unit, scale: None }) => {
+            columns(context, &at, csv, *unit, model)?
         }
-        EfficiencyReference::Columns(table) => columns(context, &at, table, model)?,
+        EfficiencyReference::Columns(EfficiencyColumns { csv, unit, scale }) => {
+            let column = |channel: String| {
+                let (csv, column) = (csv.clone(), Some(channel.clone()));
+                let table = SpectrumTable { csv, column, unit: *unit, scale: *scale, outside: None };
+                (channel, SpectrumReference::Table(table))
+            };
+            let table = channels_of(model).into_iter().map(column).collect();
+            efficiencies(context, &at, &table, model, grid)?
+        }
         EfficiencyReference::Channels(table) => efficiencies(context, &at, table, model, grid)?,
     };
     let mut qe = SpectralQe::from_curves(channels).map_err(|problem| context.error(&at, problem.message))?;
@@ -569,7 +578,8 @@ fn efficiencies(
 fn columns(
     context: &mut Context<'_>,
     at: &Place,
-    table: &EfficiencyColumns,
+    csv: &FilePath,
+    unit: Option<TableUnit>,
     model: &SensorModel,
 ) -> Resolved<Vec<(String, Curve)>> {
     let wanted = channels_of(model);
@@ -578,9 +588,9 @@ fn columns(
         quantity: SpectrumQuantity::QuantumEfficiency,
         negative: Negative::ClipToZero,
         skip_empty_cells: true,
-        unit: table.unit.map(Into::into),
+        unit: unit.map(Into::into),
     };
-    let curves = context.spectra(at, &table.csv, &options)?;
+    let curves = context.spectra(at, csv, &options)?;
     // A column may be called by more than the name of its channel, as "R (A/W)"
     Ok(wanted.into_iter().zip(curves.into_iter().map(|column| column.curve)).collect())
 }

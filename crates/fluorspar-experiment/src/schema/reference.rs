@@ -314,7 +314,7 @@ pub enum EfficiencyReference {
     Channels(BTreeMap<String, SpectrumReference>),
 }
 
-/// A CSV file with one column per channel: `{ csv = "FILE", unit = "percent" }`.
+/// A CSV file with one column per channel: `{ csv = "FILE", unit = "percent", scale = 0.9 }`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EfficiencyColumns {
@@ -322,6 +322,8 @@ pub struct EfficiencyColumns {
     pub csv: FilePath,
     /// Unit of the values. Default: what the header says.
     pub unit: Option<TableUnit>,
+    /// Factor on the values, above 0. Default 1.
+    pub scale: Option<f64>,
 }
 
 impl Default for EfficiencyReference {

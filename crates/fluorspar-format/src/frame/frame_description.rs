@@ -395,6 +395,12 @@ impl Facts<'_> {
         let holds = |bits: u8| pixels.data.iter().all(|&value| bits_of(value) <= bits);
         let told = significant_bits.map(|bits| if holds(bits) { bits } else { pixels.bits });
         let (bits, left_shift) = self.bits_of_pixels(path, pixels, of_white.or(told))?;
+        let blacks = first.map_or(Vec::new(), |d| d.numbers(50_714));
+        if given.black_level.is_none() && blacks.iter().any(|black| *black != blacks[0]) {
+            let what = format!("its black levels differ from place to place: {blacks:?}");
+            let hint = "Give the frame as DNG, which is read with them, or their mean as --black-level";
+            return Err(FormatError::unsupported(path, what, hint));
+        }
         let black_level =
             self.number("black_level", [given.black_level, in_first(50_714)], (0.0, OTHER_BLACK_LEVEL));
         let remark = format!("the largest number of {bits} bits; --white-level gives another");

@@ -56,6 +56,7 @@ pub(crate) fn cgats_table(path: &Path, text: &str) -> Result<TextTable, FormatEr
         (first, std::iter::once(nm.to_string()).chain(values).collect())
     };
     Ok(TextTable {
+        mixed: None,
         header_line: first,
         header: std::iter::once("wavelength_nm".into()).chain(names).collect(),
         rows: spectrum.iter().map(row).collect(),

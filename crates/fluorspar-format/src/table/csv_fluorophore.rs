@@ -6,7 +6,7 @@ use super::csv_eem::stated_unit_of;
 use super::csv_table::{Header, Negative};
 use super::eem_layout::{Axis, names_spectrum, no_samples, no_such_sample, sample_of};
 use super::instrument_text::names_wavelengths;
-use super::spectra::{SpectrumColumns, SpectrumOptions, headers_of, read_spectra};
+use super::spectra::{MeasuredSpectra, SpectrumColumns, SpectrumOptions, headers_of, read_spectra};
 use super::value_unit::{StatedUnit, ValueUnit, stated_unit};
 use crate::{Defect, FormatError};
 use fluorspar::spectral::{Curve, YieldUnit};
@@ -22,6 +22,8 @@ pub struct CsvFluorophore {
     pub emission_only: bool,
     /// What the emission counts, where a comment `# unit: energy` or its header says so.
     pub stated: Option<YieldUnit>,
+    /// What was taken of the file, and as what, in words.
+    pub read_as: Vec<String>,
 }
 
 /// Reads a table with the columns `wavelength_nm`, `excitation` and `emission`, or as databases of dyes write them, `EGFP ex` and `EGFP em`; of
@@ -48,13 +50,14 @@ pub fn read_fluorophore_csv(
         skip_empty_cells: true,
         ..SpectrumOptions::default()
     };
-    let mut curves = read_spectra(path, &options)?.curves.into_iter().map(|column| column.curve);
+    let MeasuredSpectra { curves, read_as } = read_spectra(path, &options)?;
+    let mut curves = curves.into_iter().map(|column| column.curve);
     let (Some(excitation), Some(emission)) = (curves.next(), curves.next()) else {
         return Err(FormatError::malformed(path, "columns are missing", "Give excitation and emission"));
     };
     let emission_only = is_constant(excitation.values());
     let stated = stated_unit_of(path, &comments)?.flatten().or(of_header);
-    Ok(CsvFluorophore { excitation, emission, emission_only, stated })
+    Ok(CsvFluorophore { excitation, emission, emission_only, stated, read_as })
 }
 
 /// Whether cells of a header name columns of excitation and of emission.
@@ -75,11 +78,7 @@ fn columns(
     let named = |axis: Axis| -> Vec<&String> {
         headers.iter().filter(|header| names_spectrum(header, axis)).collect()
     };
-    let [excitation, emission] = [Axis::Excitation, Axis::Emission].map(named);
-    let header_of = |name: &str, of_axis: &[&String]| -> Option<String> {
-        of_axis.iter().find(|header| sample_of(header) == name).map(|header| header.to_string())
-    };
-    let both = |name: &str| Some(vec![header_of(name, &excitation)?, header_of(name, &emission)?]);
+    let [mut excitation, mut emission] = [Axis::Excitation, Axis::Emission].map(named);
     let are_wavelengths = |of: &Vec<&String>| !of.is_empty() && of.iter().all(|name| names_wavelengths(name));
     if [&excitation, &emission].into_iter().all(are_wavelengths) {
         let what =
@@ -88,6 +87,14 @@ fn columns(
             "Put values side by side, below a line \"em_nm\\ex_nm,350,360\" of excitation wavelengths in nm";
         return Err(FormatError::at_line(path, line, what, hint));
     }
+    // Each spectrum may have wavelengths of its own
+    for of_axis in [&mut excitation, &mut emission] {
+        of_axis.retain(|name| !names_wavelengths(name));
+    }
+    let header_of = |name: &str, of_axis: &[&String]| -> Option<String> {
+        of_axis.iter().find(|header| sample_of(header) == name).map(|header| header.to_string())
+    };
+    let both = |name: &str| Some(vec![header_of(name, &excitation)?, header_of(name, &emission)?]);
     let mut names: Vec<&str> = Vec::new();
     for name in excitation.iter().map(|header| sample_of(header)) {
         if both(name).is_some() && !names.contains(&name) {

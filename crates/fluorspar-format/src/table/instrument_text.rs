@@ -149,12 +149,12 @@ pub(crate) struct TextTable {
     pub(crate) preamble: Vec<String>,
     /// What the file has otherwise than a plain table, in words.
     pub(crate) read_as: Vec<String>,
+    /// Line and text of a cell with a comma, and one with a point in the same column, where commas are taken for decimal ones.
+    pub(crate) mixed: Option<(u64, String, String)>,
 }
 
 /// What is said of a table of them.
 const DECIMAL_COMMAS: &str = "decimal commas";
-/// Numbers from which a comma before three digits may part thousands.
-const THOUSANDS_FROM: f64 = 100.0;
 
 impl TextTable {
     /// Refuses commas that may part cells and decimals alike, or thousands as well as decimals.
@@ -180,7 +180,8 @@ impl TextTable {
             return Err(FormatError::at_line(path, *line, what, hint));
         }
         let has_commas = self.read_as.iter().any(|said| said == DECIMAL_COMMAS);
-        let doubtful = (0..columns).filter(|_| has_commas).find_map(|column| self.thousands(column));
+        let thousands = || (0..columns).filter(|_| has_commas).find_map(|column| self.thousands(column));
+        let doubtful = self.mixed.clone().or_else(thousands);
         doubtful.map_or(Ok(()), |(line, cell, other)| {
             let what =
                 format!("{cell} stands in a column with {other}: its comma may part thousands or decimals");
@@ -190,7 +191,7 @@ impl TextTable {
     }
 
     /// A cell of a column whose commas look like those of thousands, with its line, and one without a comma.
-    fn thousands(&self, column: usize) -> Option<(u64, String, &str)> {
+    fn thousands(&self, column: usize) -> Option<(u64, String, String)> {
         // Wavelengths in steps of a third, which rise or fall with decimals alone
         let values = self.rows.iter().filter_map(|(_, row)| row[column].parse::<f64>().ok());
         if values.clone().is_sorted() || values.map(|value| -value).is_sorted() {
@@ -204,10 +205,9 @@ impl TextTable {
                 !before.starts_with(['0', '-']) && before.len() <= 3 && behind.len() == 3
             })
         };
-        let is_large = |(_, cell): &(u64, &str)| cell.parse::<f64>().is_ok_and(|n| n >= THOUSANDS_FROM);
-        let is_doubtful = with.iter().all(is_like_thousands) && without.iter().all(is_large);
+        let is_doubtful = with.iter().all(is_like_thousands);
         let ((line, cell), (_, other)) = with.first().zip(without.first()).filter(|_| is_doubtful)?;
-        Some((*line, cell.replace('.', ","), other))
+        Some((*line, cell.replace('.', ","), (*other).to_owned()))
     }
 }
 
@@ -230,11 +230,20 @@ const WAVELENGTH_WORDS: [&str; 15] = [
     "longueur",
 ];
 
+/// Whether the nm in a header are those of a light, `LED 405 nm`, or what values are per.
+pub(crate) fn has_other_nm(header: &str) -> bool {
+    let lower = header.to_lowercase();
+    ["/nm", "nm-1", "nm^-1", "nm⁻¹", "per nm"].iter().any(|unit| lower.contains(unit))
+        || lower
+            .split_once("nm")
+            .is_some_and(|(before, _)| before.trim_end().ends_with(|c: char| c.is_ascii_digit()))
+}
+
 /// Whether a header names wavelengths, in whatever unit; W/nm and mA/W are none.
 pub(crate) fn names_wavelengths(header: &str) -> bool {
     let lower = header.to_lowercase().replace("w.length", "wavelength");
-    let has_word =
-        || lower.split(|c: char| !c.is_alphanumeric()).any(|word| WAVELENGTH_WORDS.contains(&word));
+    let is_of_them = |word: &str| WAVELENGTH_WORDS.contains(&word) && !(word == "nm" && has_other_nm(header));
+    let has_word = || lower.split(|c: char| !c.is_alphanumeric()).any(is_of_them);
     let is_of_values = || matches!(stated_unit(header), StatedUnit::Known(_));
     lower == "w" || lower.starts_with("wavelength") || (has_word() && !is_of_values())
 }
@@ -273,6 +282,7 @@ pub(crate) fn find_table(text: &str) -> Option<TextTable> {
     let (header_line, header, used) = found.unwrap_or_else(|| (first_line, vec![String::new(); width], 0));
     let comments = |lines: &[(u64, &str)]| lines.iter().filter(|(_, line)| line.starts_with('#')).count();
     let left_out = (above.len() - comments(&above)).saturating_sub(used) + held.len() - region.end;
+    let mixed = if form.has_decimal_commas { mixed_commas(&held, &cells, region.clone()) } else { None };
     let rows = region.map(|place| {
         let mut row: Vec<String> = cells[place].iter().map(|cell| form.plain(cell)).collect();
         row.resize(row.len().max(width), String::new());
@@ -288,6 +298,25 @@ pub(crate) fn find_table(text: &str) -> Option<TextTable> {
         rows: rows.collect(),
         preamble: above.into_iter().map(|(_, line)| line.to_string()).collect(),
         read_as: read_as.into_iter().flatten().collect(),
+        mixed,
+    })
+}
+
+/// Line and text of a cell with a comma in a column that has a cell with a point, and that one.
+fn mixed_commas(
+    held: &[(u64, &str)],
+    cells: &[Vec<&str>],
+    rows: std::ops::Range<usize>,
+) -> Option<(u64, String, String)> {
+    let width = cells[rows.clone()].iter().map(Vec::len).max()?;
+    (0..width).find_map(|column| {
+        let with = |mark: char| {
+            let mut places = rows.clone();
+            let place =
+                places.find(|place| cells[*place].get(column).is_some_and(|cell| cell.contains(mark)))?;
+            Some((held[place].0, cells[place][column].to_owned()))
+        };
+        with(',').zip(with('.')).map(|((line, cell), (_, other))| (line, cell, other))
     })
 }
 
@@ -381,12 +410,18 @@ fn header(form: Form, above: &[(u64, &str)], width: usize) -> Option<(u64, Vec<S
         let other = || {
             let mut cells = form.cells(line);
             let is_header = cells.len() > 1 && names_wavelengths(cells[0]);
+            if form.mark == Some(',')
+                && is_header
+                && let Some(joined) = with_commas(line, width)
+            {
+                return Some(joined);
+            }
             // Where commas part cells, more of them in a row may be decimal ones
             let places = if form.mark == Some(',') { line.split(',').count() } else { width };
             cells.resize(width.min(places), "");
-            is_header.then_some(cells)
+            is_header.then(|| cells.into_iter().map(String::from).collect())
         };
-        found.or_else(other).map(|cells| cells.into_iter().map(String::from).collect())
+        found.map(|cells| cells.into_iter().map(String::from).collect()).or_else(other)
     };
     let near = above.iter().rev().take(HEADER_WITHIN).enumerate();
     let (distance, number, cells) = near
@@ -409,6 +444,21 @@ fn header(form: Form, above: &[(u64, &str)], width: usize) -> Option<(u64, Vec<S
             (number, both.collect(), 2)
         }
     })
+}
+
+/// Names that have a comma of their own before their unit: "Wavelength, nm,Optical density, OD" of two columns.
+fn with_commas(line: &str, width: usize) -> Option<Vec<String>> {
+    let cells: Vec<&str> = line.split(',').collect();
+    if cells.len() <= width || line.contains('"') {
+        return None;
+    }
+    let blank = |cell: &&str| cell.starts_with(' ');
+    let joined: Vec<String> = match cells.iter().filter(|cell| !blank(cell)).count() == width {
+        true => cells.chunk_by(|_, next| blank(next)).map(|names| names.join(",")).collect(),
+        false if cells.len() == 2 * width => cells.chunks(2).map(|pair| pair.join(",")).collect(),
+        false => return None,
+    };
+    Some(joined.iter().map(|name| name.trim().to_owned()).collect())
 }
 
 /// The header of pairs of columns, with the names of samples from a line above it, which names each pair once: `a,,b,,`. A name may hold the mark between

@@ -81,6 +81,7 @@ pub(crate) fn jcamp_table(path: &Path, text: &str) -> Result<TextTable, FormatEr
                 }
                 processed = processed.or(is_processed.then_some(tables.len()));
                 tables.push(TextTable {
+                    mixed: None,
                     header_line: number,
                     header: vec![format!("wavelength {}", block.x_units), block.y_units.clone()],
                     rows,

@@ -8,13 +8,13 @@ use std::path::Path;
 use super::axis::check_axis;
 use super::cgats::{cgats_table, is_cgats};
 use super::csv_table::{Header, Negative, Row, Table, comments_of};
-use super::instrument_text::{TextTable, find_table, instrument_text, names_wavelengths};
+use super::instrument_text::{TextTable, find_table, has_other_nm, instrument_text, names_wavelengths};
 use super::jcamp::jcamp_table;
 use super::mat::read_mat_spectra;
 use super::spectrometer::{PLAUSIBLE, RawColumns, RawRow, ratio, without_noisy_ends};
 use super::tm27::tm27_table;
 use super::value_unit::{
-    Conversion, SpectrumQuantity, StatedUnit, ValueUnit, factor_of, is_relative, stated_unit,
+    Conversion, SpectrumQuantity, StatedUnit, ValueUnit, factor_of, is_relative, lengths_of, stated_unit,
 };
 use crate::FormatError;
 use crate::error::shortened_list;
@@ -120,7 +120,7 @@ fn text_table(path: &Path) -> Result<(Table, Vec<String>, Vec<String>), FormatEr
     let bytes = read_file(path, MAX_TEXT_BYTES)?;
     let text = instrument_text(path, &bytes)?;
     Ok(match foreign_table(path, &text)? {
-        Some(TextTable { header_line, header, rows, preamble, read_as }) => {
+        Some(TextTable { header_line, header, rows, preamble, read_as, .. }) => {
             let header = Header { line: header_line, cells: header };
             (Table::of_rows(path, header, rows, comments_of(&text))?, read_as, preamble)
         }
@@ -249,6 +249,8 @@ impl AxisUnit {
             lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
         let has = |names: &[&str]| words.iter().any(|word| names.iter().any(|name| word == name));
         let starts = |name: &str| words.iter().any(|word| word.starts_with(name));
+        // Wavelengths in A; "(A)" and "[A]" stand for nothing else behind that word
+        let is_angstrom = starts("wave") && ["(a)", "[a]"].iter().any(|unit| lower.ends_with(unit));
         if has(&["nm"]) || starts("nanomet") {
             Some(Self::Nanometers)
         } else if has(&["um", "µm", "μm", "micron", "microns"]) || starts("micromet") {
@@ -259,7 +261,7 @@ impl AxisUnit {
             Some(Self::ElectronVolts)
         } else if has(&["m"]) || starts("meter") || starts("metre") {
             Some(Self::Meters)
-        } else if has(&["å", "aa"]) || starts("angstr") || starts("ångstr") {
+        } else if is_angstrom || has(&["å", "aa"]) || starts("angstr") || starts("ångstr") {
             Some(Self::Angstroms)
         } else {
             None
@@ -338,20 +340,15 @@ impl SpectrumReader<'_> {
             ["pixel", "index", "bandwidth", "fwhm", "frequency", "raman shift", "time"]
                 .iter()
                 .any(|word| lower.starts_with(word))
-                || lower.contains("thz")
+                || ["thz", "mev"].iter().any(|unit| lower.contains(unit))
         };
         let headers = self.headers();
         if let Some(named) = headers.iter().position(|header| names_wavelengths(header) && !is_index(header))
         {
             return Ok(named);
         }
-        // Values per nm name it, too
-        let is_per = |header: &str| {
-            let lower = header.to_lowercase();
-            ["/nm", "nm-1", "nm^-1", "nm⁻¹", "per nm"].iter().any(|unit| lower.contains(unit))
-        };
         let names_unit =
-            |header: &String| AxisUnit::named(header).is_some() && !is_index(header) && !is_per(header);
+            |header: &String| AxisUnit::named(header).is_some() && !is_index(header) && !has_other_nm(header);
         if let Some(named) = headers.iter().position(names_unit) {
             return Ok(named);
         }
@@ -423,7 +420,14 @@ impl SpectrumReader<'_> {
 
     /// Unit of the wavelengths: of their header, or of a line above the table.
     fn axis_unit(&mut self, axis: usize) -> Result<AxisUnit, FormatError> {
-        let stated = AxisUnit::named(&self.headers()[axis]).or_else(|| self.axis_unit_above());
+        let header = &self.headers()[axis];
+        let lower = header.to_lowercase();
+        let is_reciprocal = ["1/", "-1", "⁻¹"].iter().any(|mark| lower.contains(mark));
+        if is_reciprocal && lengths_of(&lower).iter().any(|mm| *mm != 10.0) {
+            let what = format!("the wavelengths are \"{}\", whose unit isn't known here", excerpt(header));
+            return Err(self.in_header(what, "Give them in nm, or as wavenumbers in 1/cm"));
+        }
+        let stated = AxisUnit::named(header).or_else(|| self.axis_unit_above());
         let unit = match stated {
             Some(unit) => unit,
             None => self.likely_axis_unit(axis)?,
@@ -595,14 +599,25 @@ impl SpectrumReader<'_> {
                             format!("two columns are called \"{}\"", excerpt(name)),
                             "Give each column its own name",
                         )),
-                        _ => Err(self.in_header(
-                            format!("there is no column \"{}\"", excerpt(name)),
-                            format!("Columns are: {}", shortened_list(&names)),
-                        )),
+                        _ => self.column_of_color(columns, name).ok_or_else(|| {
+                            self.in_header(
+                                format!("there is no column \"{}\"", excerpt(name)),
+                                format!("Columns are: {}", shortened_list(&names)),
+                            )
+                        }),
                     }
                 })
                 .collect(),
         }
+    }
+
+    /// The only column of efficiencies whose header has the letter or the color of a channel among its words: "QE_B", "blue channel".
+    fn column_of_color(&self, columns: &[ValueColumn], channel: &str) -> Option<ValueColumn> {
+        let color =
+            [("R", "red"), ("G", "green"), ("B", "blue")].into_iter().find(|(of, _)| *of == channel)?.1;
+        let is_of = |word: String| word.eq_ignore_ascii_case(channel) || word == color;
+        let mut found = columns.iter().filter(|column| words_of(&self.headers()[column.values]).any(is_of));
+        found.next().filter(|_| found.next().is_none()).copied()
     }
 
     /// The first column behind the wavelengths that is by its name no dark, reference or background.
@@ -641,10 +656,11 @@ impl SpectrumReader<'_> {
     /// What states the unit of a column: its header, or else a line above the table that speaks of units.
     fn words_of_unit(&self, column: usize) -> &str {
         const UNITS: [&str; 7] = ["unit", "(qntm)", "y axis", "y-axis", "yaxis", "in percent", "in %"];
-        const QUANTITIES: [&str; 6] = ["transmi", "reflect", "irradi", "absorb", "%t", "%r"];
+        const QUANTITIES: [&str; 7] = ["transmi", "reflect", "irradi", "absorb", "od", "%t", "%r"];
         let header = self.headers()[column].as_str();
+        let is_coefficient = self.options.quantity == SpectrumQuantity::Coefficient;
         let is_about = |line: &&String| {
-            let lower = line.trim_start_matches(['#', ' ']).to_lowercase();
+            let lower = line.trim_start_matches(['#', ' ']).to_lowercase().replace("optical density", "od");
             // Unit 3 is a place
             let is_number = |rest: &str| {
                 rest.trim_start_matches('s').trim_start().starts_with(|letter: char| letter.is_ascii_digit())
@@ -656,23 +672,40 @@ impl SpectrumReader<'_> {
                 QUANTITIES.iter().any(|word| lower.starts_with(word)) && is_followed_by_unit(&lower);
             (is_named || is_quantity)
                 && !lower.starts_with('x')
-                && matches!(stated_unit(line), StatedUnit::Known(_))
+                && (matches!(stated_unit(line), StatedUnit::Known(_))
+                    || is_coefficient && !lengths_of(&lower).is_empty())
         };
         match stated_unit(header) {
-            StatedUnit::Unstated => self.preamble.iter().find(is_about).map_or(header, String::as_str),
+            StatedUnit::Unstated if !is_coefficient || lengths_of(&header.to_lowercase()).is_empty() => {
+                self.preamble.iter().find(is_about).map_or(header, String::as_str)
+            }
             _ => header,
         }
     }
 
     /// Refuses a column whose header names what is no transmittance or reflectance, where one of these is wanted.
     fn refuse_other_quantity(&self, column: usize) -> Result<(), FormatError> {
-        const OTHERS: [&str; 6] = ["absorptance", "absorptivity", "absorption", "extinction", "k/s", "1-r"];
+        const OTHERS: [&str; 10] = [
+            "absorptance",
+            "absorptivity",
+            "absorption",
+            "extinction",
+            "attenuation",
+            "density",
+            "nd",
+            "k/s",
+            "1-r",
+            "a",
+        ];
         let header = self.headers()[column].to_lowercase();
         let mut words = header.split(|c: char| c.is_whitespace() || "([,".contains(c));
         let first = words.next().unwrap_or_default();
         let states =
             |word: &str| ["t", "r"].contains(&word) || word.starts_with("trans") || word.starts_with("refl");
-        let is_asked = self.options.quantity == SpectrumQuantity::Fraction && !words.any(states);
+        // Beside B an A is the name of a sample
+        let is_sample = first == "a" && self.headers().iter().any(|other| other.eq_ignore_ascii_case("b"));
+        let is_asked =
+            self.options.quantity == SpectrumQuantity::Fraction && !is_sample && !words.any(states);
         match OTHERS.iter().find(|other| is_asked && first == **other) {
             None => Ok(()),
             Some(other) => Err(FormatError::unit(
@@ -684,6 +717,17 @@ impl SpectrumReader<'_> {
                 "Export the transmittance or reflectance",
             )),
         }
+    }
+
+    /// Refuses a responsivity without a unit: it may be in A/W, or of another scale.
+    fn refuse_responsivity(&self, column: usize) -> Result<(), FormatError> {
+        let is_asked = self.options.quantity == SpectrumQuantity::QuantumEfficiency
+            && words_of(&self.headers()[column]).any(|word| word.starts_with("responsiv"));
+        if !is_asked || stated_unit(self.words_of_unit(column)) != StatedUnit::Unstated {
+            return Ok(());
+        }
+        let what = format!("column {} is a responsivity without a unit", self.table.column_name(column));
+        Err(FormatError::unit(self.path, what, unit_hint(self.path, ValueUnit::AmperesPerWatt)))
     }
 
     /// The unit of a column: as given, or as the file says.
@@ -704,6 +748,7 @@ impl SpectrumReader<'_> {
             };
         }
         self.refuse_other_quantity(column)?;
+        self.refuse_responsivity(column)?;
         match stated_unit(self.words_of_unit(column)) {
             StatedUnit::Known(unit) => Ok(Some(unit)),
             StatedUnit::Unstated => Ok(None),
@@ -992,10 +1037,10 @@ impl SpectrumReader<'_> {
             _ if is_alone && values.len() > 2 => {
                 format!(
                     "Correct this value, or remove the line. Of a narrow band in percent: {}",
-                    unit_hint(self.path)
+                    unit_hint(self.path, ValueUnit::Percent)
                 )
             }
-            _ if unit.is_none() && largest <= percent => unit_hint(self.path),
+            _ if unit.is_none() && largest <= percent => unit_hint(self.path, ValueUnit::Percent),
             SpectrumQuantity::Fraction => format!(
                 "Choose a column that holds a transmittance or reflectance; if its white was too dark, give the file as \
                  {{ csv = \"{path}\", scale = 0.25 }}, with the factor that makes it one"
@@ -1124,22 +1169,24 @@ fn is_of_sunlight(nm: &[f64]) -> bool {
     (*PLAUSIBLE_NM.start()..380.0).contains(&low) && high <= LONGEST_OF_SUNLIGHT_NM
 }
 
-fn unit_hint(path: &Path) -> String {
+fn unit_hint(path: &Path, likely: ValueUnit) -> String {
     let names = ValueUnit::ALL.map(ValueUnit::name);
     format!(
-        "Give the file as {{ csv = \"{}\", unit = \"percent\" }}, between apostrophes on a command line; units are {}",
+        "Give the file as {{ csv = \"{}\", unit = \"{}\" }}, between apostrophes on a command line; units are {}",
         path.display(),
+        likely.name(),
         names.join(", ")
     )
 }
 
 fn is_standard_error(lower: &str) -> bool {
-    let plain: String = lower.chars().filter(|c| c.is_alphanumeric() || *c == ' ').collect();
-    let joined: String = plain.split_whitespace().collect();
-    ["std", "stdev", "stddev", "standarddev", "standarderror", "stderr", "sem", "uncertainty", "sigma"]
-        .iter()
-        .any(|name| joined == *name || (name.len() > 5 && joined.starts_with(name)))
-        || plain.split_whitespace().any(|word| matches!(word, "std" | "stdev" | "stddev" | "sd" | "stderr"))
+    let joined: String = lower.chars().filter(|c| c.is_alphanumeric()).collect();
+    let words: Vec<String> = words_of(lower).collect();
+    let of_last = |name: &str| words.last().is_some_and(|word| word == name);
+    ["standarddev", "standarderror", "stderr", "uncertainty"].iter().any(|name| joined.starts_with(name))
+        || ["sem", "sigma", "se", "err", "error", "errors", "uncertainty"].iter().any(|name| of_last(name))
+        || words.iter().any(|word| matches!(word.as_str(), "std" | "stdev" | "stddev" | "sd" | "stderr"))
+        || matches!(lower.trim(), "+/-" | "±")
 }
 
 /// Whether a quantity at the begin of a line is followed by its unit and nothing else: `reflectance (%)`, `irradiance, W/m2`; not
@@ -1185,8 +1232,8 @@ fn is_comparison_with_dark(header: &str) -> bool {
 /// What a column is of by its name, of kinds that can't stand for each other.
 fn kind_of(header: &str) -> Option<&'static str> {
     words_of(header).find_map(|word| match word.as_str() {
-        "t" => Some("transmittance"),
-        "r" => Some("reflectance"),
+        "t" | "ts" | "tp" | "tavg" => Some("transmittance"),
+        "r" | "rs" | "rp" | "ravg" => Some("reflectance"),
         "ex" | "exc" => Some("excitation"),
         "em" => Some("emission"),
         _ => ["transmi", "reflect", "excitation", "emission", "dichroic"]

@@ -31,6 +31,7 @@ pub(crate) fn tm27_table(path: &Path, text: &str) -> Result<TextTable, FormatErr
         ));
     };
     Ok(TextTable {
+        mixed: None,
         header_line: first.0,
         header: vec!["wavelength_nm".into(), words_of(quantity.trim())],
         rows,

@@ -30,7 +30,7 @@ impl SpectrumQuantity {
         let stated = stated_unit(header);
         let factor = match self {
             Self::AbsolutePower => match stated {
-                StatedUnit::Unstated => Some(1.0),
+                StatedUnit::Unstated => (!is_relative(header)).then_some(1.0),
                 StatedUnit::Known(ValueUnit::Energy) => power_factor(header),
                 _ => None,
             },
@@ -56,20 +56,39 @@ const LENGTHS_MM: [(&str, f64); 6] =
 
 /// What coefficients in the unit of a header are multiplied by to be in 1/mm; `None` of other quantities.
 fn coefficient_factor(lower: &str, stated: &StatedUnit) -> Option<f64> {
-    let Some(unit) = bracketed(lower) else { return (*stated == StatedUnit::Unstated).then_some(1.0) };
-    if NO_UNIT.contains(&unit) || RELATIVE.contains(&unit) {
-        return Some(1.0);
+    if is_relative(lower) || lower.contains("mol") {
+        return None;
     }
-    LENGTHS_MM.iter().find_map(|(length, mm)| {
-        let before = ["1/", "/", "per "].map(|before| format!("{before}{length}"));
-        let behind = ["-1", "^-1", "⁻¹"].map(|behind| format!("{length}{behind}"));
-        before.iter().chain(&behind).any(|spelling| spelling == unit).then_some(1.0 / mm)
-    })
+    match lengths_of(lower)[..] {
+        [mm] => Some(1.0 / mm),
+        [] => bracketed(lower)
+            .map_or(*stated == StatedUnit::Unstated, |unit| NO_UNIT.contains(&unit))
+            .then_some(1.0),
+        _ => None,
+    }
+}
+
+/// Lengths that a text in lower case names as those that something is per, in mm: `1/cm`, `per_cm`, `cm^-1`.
+pub(crate) fn lengths_of(lower: &str) -> Vec<f64> {
+    let mut plain = lower.replace(['^', '{', '}', '\u{b7}'], "").replace("⁻¹", "-1").replace('_', " ");
+    plain = plain.replace(" / ", "/").replace("/ ", "/").replace(" -1", "-1");
+    let ends = |text: &str| !text.starts_with(char::is_alphanumeric);
+    let is_per = |(place, _): (usize, &str), length: &str| {
+        let (before, behind) = (&plain[..place], &plain[place + length.len()..]);
+        let is_in_front = before.ends_with('/') || before.ends_with("per ");
+        let is_behind = behind.strip_prefix("-1").is_some_and(ends);
+        let is_word = !before.ends_with(char::is_alphanumeric) && (ends(behind) || is_behind);
+        is_word && (is_in_front || is_behind)
+    };
+    let mut found = LENGTHS_MM.to_vec();
+    found.retain(|(length, _)| plain.match_indices(length).any(|place| is_per(place, length)));
+    found.into_iter().map(|(_, mm)| mm).collect()
 }
 
 /// What powers in the unit of a header are multiplied by to be in W/(m² nm); `None` of energies.
 fn power_factor(header: &str) -> Option<f64> {
-    let lower = header.to_lowercase();
+    let whole = header.to_lowercase();
+    let lower = bracketed(&whole).filter(|unit| unit.contains('w')).unwrap_or(&whole);
     let words: Vec<&str> = lower
         .split(|c: char| !(c.is_alphabetic() || "µμ".contains(c)))
         .filter(|word| !word.is_empty())
@@ -80,6 +99,13 @@ fn power_factor(header: &str) -> Option<f64> {
     }
     let of_power = |word: &&str| POWERS_W.iter().find(|(name, _)| name == word).map(|(_, watts)| *watts);
     let Some(place) = words.iter().position(|word| of_power(word).is_some()) else { return Some(1.0) };
+    // A factor before the unit: "10^-3 W/m2", "x1000 (W/m2)"
+    let before = lower.find(words[place]).map_or("", |at| lower[..at].trim_end_matches([' ', '*', '·', '×']));
+    let is_times =
+        |word: &str| word.strip_prefix(['x', '×', '*']).is_some_and(|of| of.parse::<f64>().is_ok());
+    if before.ends_with(|c: char| c.is_ascii_digit()) || whole.split_whitespace().any(is_times) {
+        return None;
+    }
     // What stands behind it as far as these are units: "irradiance at 10 cm" says nothing of an area
     let per: Vec<&str> =
         words[place + 1..].iter().copied().take_while(|word| UNITS_BEHIND.contains(word)).collect();
@@ -214,7 +240,10 @@ const RELATIVE: [&str; 15] = [
 
 /// Whether a header says that its values are of any scale.
 pub(crate) fn is_relative(header: &str) -> bool {
-    bracketed(&header.to_lowercase()).is_some_and(|unit| RELATIVE.contains(&unit))
+    let lower = header.to_lowercase();
+    let is_word = |word: &str| ["relative", "rel", "normalized", "normalised", "norm"].contains(&word);
+    bracketed(&lower).is_some_and(|unit| RELATIVE.contains(&unit))
+        || lower.split(|c: char| !c.is_alphanumeric()).any(is_word)
 }
 
 /// Spellings of amperes per watt.
@@ -302,7 +331,15 @@ fn unit_in(lower: &str) -> StatedUnit {
     if is_energy {
         return known(ValueUnit::Energy);
     }
-    if starts(&["absorban"]) || has(&["od", "abs", "mod", "mau", "mabs"]) || lower.contains("optical density")
+    let joined = words.concat();
+    let is_density =
+        ["opticaldensity", "optdensity", "optischedichte"].iter().any(|name| joined.contains(name));
+    // "OD6", "ODavg"
+    let is_od = |rest: &str| rest.parse::<f64>().is_ok() || ["avg", "mean", "min", "max"].contains(&rest);
+    if is_density
+        || starts(&["absorban", "extinktion"])
+        || has(&["od", "abs", "mod", "mau", "mabs"])
+        || (words.len() == 1 && joined.strip_prefix("od").is_some_and(is_od))
     {
         return known(ValueUnit::OpticalDensity);
     }
@@ -425,6 +462,14 @@ mod tests {
             (Coefficient, "mua (1/mm)", 1.0),
             (Coefficient, "mua (cm-1)", 0.1),
             (Coefficient, "absorption [1/m]", 1e-3),
+            (Coefficient, "absorption_per_cm", 0.1),
+            (Coefficient, "mu_a_cm-1", 0.1),
+            (Coefficient, "mua cm^-1", 0.1),
+            (Coefficient, "mu_a (1 / cm)", 0.1),
+            (Coefficient, "mu_a (1/cm, at 1 mM)", 0.1),
+            (Coefficient, "# unit: 1/cm", 0.1),
+            (Coefficient, "absorption_per_mm", 1.0),
+            (Coefficient, "absorption at 5 mm", 1.0),
         ] {
             let found = quantity.absolute_factor(header).unwrap().unwrap();
             assert!((found / factor - 1.0).abs() < 1e-12, "{header}: {found}");
@@ -434,6 +479,12 @@ mod tests {
             (AbsolutePower, "counts"),
             (AbsolutePower, "T (%)"),
             (AbsolutePower, "dose (mJ/cm2)"),
+            (AbsolutePower, "L (a.u.)"),
+            (AbsolutePower, "radiance (10^-3 W/(sr m2 nm))"),
+            (AbsolutePower, "radiance x1000 (W/(sr m2 nm))"),
+            (Coefficient, "mua (a.u.)"),
+            (Coefficient, "molar_extinction_per_cm_per_M"),
+            (Coefficient, "epsilon (M-1 cm-1)"),
             (Coefficient, "absorbance"),
             (Coefficient, "epsilon (1/(mol cm))"),
         ] {
@@ -450,6 +501,11 @@ mod tests {
             ("Transmission [percent]", Percent),
             ("absorbance", OpticalDensity),
             ("OD", OpticalDensity),
+            ("optical_density", OpticalDensity),
+            ("Opt. Density", OpticalDensity),
+            ("Extinktion", OpticalDensity),
+            ("OD6", OpticalDensity),
+            ("ODavg", OpticalDensity),
             ("IL (dB)", Decibel),
             ("R (A/W)", AmperesPerWatt),
             ("PFD(umol m-2 s-1)", Photons),

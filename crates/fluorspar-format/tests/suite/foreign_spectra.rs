@@ -675,6 +675,64 @@ fn times_shifts_and_cells_with_units_are_refused() {
     }
 }
 
+/// A light or its excitation in the name of a column is no second axis of wavelengths, whatever its values.
+#[test]
+fn wavelengths_of_lights_are_names() {
+    let text = "Wavelength (nm),LED 405 nm,Intensity per nm\n380,201,1\n390,410,2\n400,1900,3\n410,1850,4\n420,520,5\n";
+    let all = SpectrumOptions { quantity: SpectrumQuantity::SpectralPower, ..SpectrumOptions::default() };
+    let read = read_bytes("leds.csv", text.as_bytes(), &all).unwrap();
+    assert_eq!(read.curves.len(), 2);
+    assert_eq!((read.curves[0].curve.peak_nm(), read.curves[1].curve.peak_nm()), (400.0, 420.0));
+}
+
+/// Units behind a comma, in a line of their own, or without brackets.
+#[test]
+fn units_stand_where_instruments_write_them() {
+    use SpectrumQuantity::{Coefficient, Fraction, QuantumEfficiency};
+    for (text, quantity, first) in [
+        ("Wavelength, nm,Optical density, OD\n400,0.3\n500,1\n", Fraction, 0.501_187_233_6),
+        ("Wavelength, nm,Absorbance\n400,0.3\n500,1\n", Fraction, 0.501_187_233_6),
+        ("Optical density\nwavelength_nm,y\n400,0.3\n500,1\n", Fraction, 0.501_187_233_6),
+        ("Wavelength, nm,Responsivity, A/W\n400,0.1\n500,0.2\n", QuantumEfficiency, 0.309_960_496),
+        ("# unit: 1/cm\nwavelength_nm,mua\n400,2\n500,3\n", Coefficient, 0.2),
+        ("wavelength_nm,absorption_per_cm\n400,2\n500,3\n", Coefficient, 0.2),
+        ("Wavelength [A],mua\n4000,2\n5000,3\n", Coefficient, 2.0),
+    ] {
+        let (nm, values, _) = one("t.csv", text, quantity);
+        assert_near(&nm, &[400.0, 500.0], text);
+        assert!((values[0] / first - 1.0).abs() < 1e-9, "{text}: {values:?}");
+    }
+    for (text, quantity, word) in [
+        ("nm,responsivity\n400,0.1\n500,0.2\n", QuantumEfficiency, "unit = \"a_per_w\""),
+        ("nm,density\n400,0.1\n500,0.2\n", Fraction, "is of density"),
+        ("nm,A\n400,0.1\n500,0.2\n", Fraction, "is of a"),
+        ("nm,Rs (%),Ts (%)\n400,99,1\n500,50,50\n", Fraction, "are of different things"),
+        ("Wavenumber (1/um),T\n2,0.1\n3,0.2\n", Fraction, "unit isn't known"),
+        ("nm,epsilon_per_cm_per_M\n400,2\n500,3\n", Coefficient, "per_M"),
+    ] {
+        let error = read_bytes("t.csv", text.as_bytes(), &as_quantity(quantity)).unwrap_err();
+        assert!(error.contains(word), "{text}: {error}");
+    }
+}
+
+/// Errors of a column by any of their names go with it; channels are found by color.
+#[test]
+fn columns_are_known_by_the_words_of_their_names() {
+    for name in ["tongue_sd", "tongue_err", "tongue_standard_error", "tongue uncertainty", "+/-", "SE"] {
+        let text = format!("nm,tongue,{name}\n400,1,0.1\n500,2,0.2\n");
+        let read = read_bytes("t.csv", text.as_bytes(), &SpectrumOptions::default()).unwrap();
+        assert!(read.curves.len() == 1 && read.curves[0].standard_error.is_some(), "{name}");
+    }
+    let channels = ["R", "G", "B"].map(String::from).to_vec();
+    let options = SpectrumOptions { columns: SpectrumColumns::Named(channels), ..SpectrumOptions::default() };
+    for header in ["red,green,blue", "QE_R,QE_G,QE_B", "Red channel,Green channel,Blue channel"] {
+        let text = format!("nm,{header}\n400,1,2,3\n500,1,2,3\n");
+        let read = read_bytes("qe.csv", text.as_bytes(), &options).unwrap();
+        assert_eq!(read.curves.iter().map(|c| c.curve.values()[0]).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
+    }
+    assert!(read_bytes("qe.csv", b"nm,R,Gr,Gb,B\n400,1,2,2,3\n", &options).is_err());
+}
+
 /// Wavelengths in another language stand before values whose unit names nanometers.
 #[test]
 fn values_per_nanometer_are_no_wavelengths() {
@@ -727,6 +785,15 @@ fn doubtful_commas_are_refused() {
             "nm\tpower\n400\t987\n405\t\"1,052\"\n410\t\"1,100\"\n",
             "t.csv:3: 1,052 stands in a column with 987",
         ),
+        // A baseline below one hundred, and a decimal point
+        (
+            "nm,power\n430,62\n440,\"1,850\"\n450,\"23,400\"\n460,\"2,100\"\n470,48\n",
+            "t.csv:3: 1,850 stands in a column with 62",
+        ),
+        (
+            "nm,power\n430,62.5\n440,\"1,850\"\n450,\"23,4\"\n460,\"2,1\"\n470,\"1,5\"\n",
+            "t.csv:3: 1,850 stands in a column with 62.5",
+        ),
     ] {
         let error = read_bytes("t.csv", text.as_bytes(), &as_quantity(power)).unwrap_err();
         assert!(error.starts_with(wanted), "{error}");
@@ -749,6 +816,8 @@ fn relative_efficiencies_are_told() {
     let rows = "400,0.5\n500,1\n600,0.7\n";
     let read_as =
         |header: &str| one("qe.csv", format!("{header}\n{rows}"), SpectrumQuantity::QuantumEfficiency).2;
-    assert_eq!(read_as("nm,R (relative)"), "relative values, taken for electrons per photon");
+    for header in ["nm,R (relative)", "nm,relative_qe", "nm,normalized response"] {
+        assert_eq!(read_as(header), "relative values, taken for electrons per photon");
+    }
     assert_eq!(read_as("nm,R"), "");
 }

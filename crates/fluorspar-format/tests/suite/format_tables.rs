@@ -166,6 +166,10 @@ fn fluorophores_know_when_they_have_no_excitation() {
     assert_eq!((full.excitation.values(), full.emission.values()), (&[1.0, 0.5][..], &[0.0, 1.0][..]));
     assert!(!full.emission_only);
     assert!(loaded("wavelength_nm,emission,excitation\n400,0,1\n410,1,1\n", read).emission_only);
+    // Each with wavelengths of its own, which are no spectra
+    let two = "Excitation Wavelength (nm),Excitation,Emission Wavelength (nm),Emission\n450,1,500,0.2\n480,5,520,1\n";
+    let two = loaded(two, read);
+    assert_eq!((two.excitation.peak_nm(), two.emission.peak_nm()), (480.0, 520.0));
 }
 
 #[test]

@@ -872,12 +872,14 @@ class SensorSection(TypedDict, total=False):
 
 
 class EfficiencyColumns(TypedDict, total=False):
-    """A CSV file with one column per channel: `{ csv = "FILE", unit = "percent" }`."""
+    """A CSV file with one column per channel: `{ csv = "FILE", unit = "percent", scale = 0.9 }`."""
 
     csv: FilePath
     """Path of the file."""
     unit: TableUnit
     """Unit of the values. Default: what the header says."""
+    scale: float
+    """Factor on the values, above 0. Default 1."""
 
 
 class Crosstalk(TypedDict, total=False):

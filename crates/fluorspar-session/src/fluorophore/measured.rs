@@ -406,6 +406,7 @@ fn spectra_csv(path: &Path, options: &FileOptions) -> Result<Measured> {
     }
     let unit = unit_of_emission(path, read.stated, options.yield_unit)?;
     let mut findings = vec![("content".into(), "excitation and emission spectra".to_string())];
+    findings.extend((!read.read_as.is_empty()).then(|| ("form of the file".into(), read.read_as.join("; "))));
     let range = |(first, last): (f64, f64)| format!("{first} to {last} nm");
     for (name, curve) in [("excitation", &read.excitation), ("emission", &read.emission)] {
         if curve.max() <= 0.0 {
