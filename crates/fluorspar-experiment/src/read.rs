@@ -257,7 +257,6 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
             "this takes away what a base says, and the file has no base; leave the sections out instead";
         return Err(document.error(&steps!["unset"], message).without_value());
     }
-    free_conversion_gain(&mut document.root);
     spell_out_view(&mut document.root, None);
     while let Some(mut over) = above.pop() {
         spell_out_view(&mut over, Some(&document.root));
@@ -268,19 +267,6 @@ fn put_on_bases(document: &mut Document, schema: &Schema, base_dir: &Path) -> Re
         merge(schema, Some(schema.root()), &mut document.root, over);
     }
     Ok(())
-}
-
-/// Takes away a voltage per electron that is the swing over the well: results once had this default written out, and it is to follow both.
-fn free_conversion_gain(root: &mut Node) {
-    let Some(sensor) = root.get_mut("sensor") else { return };
-    let number = |key: &str| match sensor.get(key)?.content {
-        Content::Leaf(toml::Value::Float(number)) => Some(number),
-        _ => None,
-    };
-    let by_default = || Some(number("voltage_swing_v")? / number("well_capacity_e")? * 1e3);
-    if number("conversion_gain_mv_per_e").is_some_and(|given| by_default() == Some(given)) {
-        sensor.take("conversion_gain_mv_per_e");
-    }
 }
 
 /// Loads the chain of bases of a document: the lowest becomes the root, those above are returned, the topmost first.

@@ -596,6 +596,12 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
             }
         }
     }
+    if cameras.len() > 1 {
+        let shown = path.display();
+        let why =
+            "its people were seen by several cameras, which must not be mixed: take the rows of one `camera`";
+        return Err(Error::Input(format!("{shown}: {why}")));
+    }
     // Views of a person are taken in one visit
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let visit = |views: &BTreeMap<String, Vec<f64>>| {
@@ -607,7 +613,7 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
     let people: Vec<NormPerson> = people.into_values().collect();
     let sha256 = fluorspar::digest::sha256_hex([text]);
     let left_out = LeftOut { at_ends: at_ends(&people, range), ..LeftOut::default() };
-    let camera = cameras.pop_first().filter(|camera| cameras.is_empty() && !camera.is_empty());
+    let camera = cameras.pop_first().filter(|camera| !camera.is_empty());
     let norm = NormFile {
         program: "fluorspar".into(),
         format: NormFile::FORMAT,

@@ -54,7 +54,7 @@ pub(crate) fn camera_study(source: &ExperimentSource, parsed: &Experiment) -> Re
 /// # Errors
 /// An experiment that can't be resolved, or has no sensor, lens or capture.
 pub fn camera_digest(source: &ExperimentSource, parsed: &Experiment) -> Result<String> {
-    let Study { scene, camera, captures, .. } = camera_study(source, parsed)?;
+    let Study { scene, camera, captures, develop, motion, .. } = camera_study(source, parsed)?;
     let sensor = camera.sensor.as_ref().map(|sensor| {
         let model = sensor.model();
         // Pixels of another size have the same signal where they collect as much
@@ -74,7 +74,8 @@ pub fn camera_digest(source: &ExperimentSource, parsed: &Experiment) -> Result<S
     });
     let filters = (&camera.view_filter.stack, &camera.view_filter.transmittance);
     let lights = (&scene.light_groups, &scene.lights);
-    let all = (env!("CARGO_PKG_VERSION"), lights, &camera.lens, filters, sensor, captures, analysis);
+    let frames = (captures, develop, motion);
+    let all = (env!("CARGO_PKG_VERSION"), lights, &camera.lens, filters, sensor, frames, analysis);
     Ok(sha256_hex([format!("{all:?}")]))
 }
 
@@ -272,6 +273,7 @@ mod tests {
             "[[light]]\nname = \"blue\"\nspectrum = \"led_405\"\n",
             "[[capture]]\nname = \"blue\"\nexposure_ms = 20.0\n",
             "[analysis]\nframe = \"white\"\n",
+            "[develop]\ndark_frames = 4\n",
         ] {
             assert_ne!(of(other), own, "{other}");
         }
