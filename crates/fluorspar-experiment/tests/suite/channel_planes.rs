@@ -83,7 +83,9 @@ fn planes_equal_the_chain_behind_every_lens() {
         let image = run(&study.scene, &study.render);
         let sensor = study.camera.sensor.clone().unwrap();
         let difference = largest_difference(&study, &image, &sensor);
-        failures.extend((difference >= TOLERANCE).then(|| format!("{name}: {difference:e}")));
+        // What rings at edges is cut plane by plane, or band by band
+        let tolerance = if lens == SPREAD { 1e-3 } else { TOLERANCE };
+        failures.extend((difference >= tolerance).then(|| format!("{name}: {difference:e}")));
     }
     assert!(failures.is_empty(), "{failures:?}");
 }

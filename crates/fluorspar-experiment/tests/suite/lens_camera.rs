@@ -226,6 +226,11 @@ fn fine_bars_are_the_same_rendered_and_computed() {
         });
         2.0 * sine.hypot(cosine) / mean
     };
+    // An edge neither rings below the dark nor lies far above the bright
+    assert!(computed.iter().all(|value| *value >= 0.0));
+    let brightest = (0..128).map(|col| band(&image, 3, col, 2)).fold(0.0, f64::max);
+    let most = computed[3 * 128..4 * 128].iter().fold(0.0_f64, |most, value| most.max(*value));
+    assert!(most < 1.05 * brightest, "{most} {brightest}");
     for first in [4, 24, 44, 64, 84, 104] {
         let rendered = contrast(&|col| band(&image, 3, col, 2), first);
         let ratio = contrast(&|col| computed[3 * 128 + col], first) / rendered;
