@@ -52,6 +52,9 @@ impl<'a> Fauces<'a> {
         // Its sides run forward into the cheeks behind the last molars: the fold over the pterygomandibular raphe.
         let fold = smoothstep(0.84, 1.0, a) * smoothstep(0.0, 0.35, k);
         let x = x + (18.0 * fold).copysign(across);
+        // It turns into the cheek without a crease
+        let beside = (x.abs() - 24.0).clamp(0.0, 18.0);
+        z += (0.025 + 0.0025 * beside) * beside * beside * smoothstep(0.0, 0.35, k);
         let rough = smoothstep(0.0, 0.2, k) * smoothstep(1.5, 1.2, v);
         y += rough * 0.35 * fractal_noise(self.parameters.seed ^ 0x77, x * 0.25, z * 0.25, 3);
         // The two pits at the border of the hard palate.
