@@ -146,24 +146,23 @@ fn verdict(found: &CohortResults) -> Vec<String> {
         .find_map(|place| Some((place.1, range_of(found, FindingId::ChromaticityR, place)?)));
     if let Some((part, range)) = first {
         let seen = &range.statistics;
-        let of_all = range.tolerance.map_or_else(
-            || format!("{} people are too few for a range of normal values, which takes ten.", seen.n),
-            |t| {
+        let people =
+            if found.cohort.lesions().is_empty() { "these people" } else { "those without a lesion" };
+        let (of_people, of_all) = match range.tolerance {
+            Some(t) => (
+                format!("from {} to {} (5 to 95 % of {people})", number(seen.p05), number(seen.p95)),
                 format!(
                     "Normal (95 % of people, with 95 % confidence): {} to {}.",
                     number(t.low),
                     number(t.high)
-                )
-            },
-        );
-        let people =
-            if found.cohort.lesions().is_empty() { "these people" } else { "those without a lesion" };
-        lead.push(format!(
-            "The {} has r from {} to {} (5 to 95 % of {people}). {of_all}",
-            part_name(part),
-            number(seen.p05),
-            number(seen.p95)
-        ));
+                ),
+            ),
+            None => (
+                format!("{} (median of {people})", number(seen.median)),
+                format!("{} people are too few for a range of normal values, which takes ten.", seen.n),
+            ),
+        };
+        lead.push(format!("The {} has r {of_people}. {of_all}", part_name(part)));
     }
     lead.extend(
         ESTIMATES.into_iter().find_map(|id| Some(agreement_sentence(found, id, &overall(found, id)?))),
@@ -220,7 +219,10 @@ fn headline(found: &CohortResults) -> Vec<Number> {
     {
         let ends = range.tolerance.map(|t| [t.low, t.high]);
         let finding = finding_of(&range.quantity, Some(range.statistics.median), ends);
-        let meaning = "median of people without a lesion, in brackets what 95 % of all have";
+        let meaning = match ends {
+            Some(_) => "median of people without a lesion, in brackets what 95 % of all have",
+            None => "median of people without a lesion",
+        };
         numbers.push(Number::computed(format!("r of the {}", part_name(part)), value(&finding), "", meaning));
     }
     if let Some((_, all)) = ESTIMATES.into_iter().find_map(|id| Some((id, overall(found, id)?))) {

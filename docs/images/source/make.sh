@@ -7,7 +7,7 @@ images=${IMAGES:-$root/docs/images}
 fluorspar=${FLUORSPAR:-$root/target/release/fluorspar}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-[ $# -gt 0 ] || set -- main views lesions restorations masks scan gallery
+[ $# -gt 0 ] || set -- main views lesions restorations masks scan gallery tissue design
 
 # Frames of an experiment as NAME_white.png and NAME_blue.png in the folder of work: EXPERIMENT NAME SAMPLES
 frames() {
@@ -86,8 +86,20 @@ for name in "$@"; do
         done
         cp "$work"/gallery_*.png "$work/gallery_lens.svg" "$images"
         ;;
+    tissue)
+        "$fluorspar" tissue solve dorsal_tongue --light led_405 --out "$work/tongue" --quiet >/dev/null
+        cp "$work/tongue/fluorescence_led_405.png" "$images/tissue-fluorescence.png"
+        "$fluorspar" tissue depth dorsal_tongue --view-filter long_pass_475 --out "$images/tissue-depth.png" --quiet >/dev/null
+        ;;
+    design)
+        "$fluorspar" design optimize two-lights-tissue --out "$work/design" --quiet >/dev/null
+        for picture in spectra lights; do
+            cp "$work/design/$picture.svg" "$images/design-$picture.svg"
+        done
+        cp "$work/design/designs.svg" "$images/design-front.svg"
+        ;;
     *)
-        echo "no pictures named $name; there are: main views lesions restorations masks scan gallery" >&2
+        echo "no pictures named $name; there are: main views lesions restorations masks scan gallery tissue design" >&2
         exit 2
         ;;
     esac

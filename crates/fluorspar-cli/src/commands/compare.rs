@@ -5,6 +5,9 @@ use fluorspar_session::Comparison;
 
 use super::table::align;
 
+/// Longest value of a setting in a line, characters.
+const LONGEST_VALUE: usize = 60;
+
 /// The comparison as text.
 pub(crate) fn describe(comparison: &Comparison) -> String {
     let Comparison { compared, settings, numbers, .. } = comparison;
@@ -22,7 +25,7 @@ pub(crate) fn describe(comparison: &Comparison) -> String {
         Some(list) if list.is_empty() => text += "\nNo setting differs.\n",
         Some(list) => {
             let head = ["Setting that differs", "A", "B"].map(String::from).to_vec();
-            let rows = list.iter().map(|setting| setting_cells(setting).to_vec());
+            let rows = list.iter().map(|setting| setting_cells(setting, LONGEST_VALUE).to_vec());
             text += &format!("\n{}", align(&std::iter::once(head).chain(rows).collect::<Vec<_>>(), &[1, 2]));
         }
     }

@@ -237,20 +237,22 @@ pub(crate) fn plot(options: &PlotOptions, kind: PresetKind) -> Result<(), CliErr
     let inputs: Vec<PathBuf> = options.names.iter().map(PathBuf::from).collect();
     let set = Outputs::new().and(Output::file("--out", &options.out)).reading(&inputs).declare()?;
     let range_nm = wavelengths(options.from_nm, options.to_nm)?;
-    let mut shown = Vec::new();
+    let (mut shown, mut sensors) = (Vec::new(), Vec::new());
     for name in &options.names {
-        let entry = entry(name, kind)?;
-        for (channel, curve) in &entry.curves {
-            let name =
-                if channel.is_empty() { entry.title.clone() } else { format!("{} {channel}", entry.title) };
-            shown.push(plot_curve(name, curve, range_nm));
+        let Entry { title, curves, .. } = entry(name, kind)?;
+        let drawn = curves.iter().map(|(channel, curve)| {
+            plot_curve(if channel.is_empty() { &title } else { channel }, curve, range_nm)
+        });
+        match kind {
+            PresetKind::QuantumEfficiency => sensors.push((title.clone(), drawn.collect())),
+            _ => shown.extend(drawn),
         }
     }
     let figure = match kind {
         PresetKind::Light => lights(&shown, &[]),
         PresetKind::Filter => filters(&shown),
         PresetKind::Reflectance => reflectances(&shown),
-        _ => sensor_response(&shown, &[]),
+        _ => sensor_response(&[], &sensors),
     };
     write_figure(&options.out, format, &figure)?;
     set.finish()?;

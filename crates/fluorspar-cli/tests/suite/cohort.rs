@@ -70,6 +70,9 @@ fn shards_kills_and_threads_give_the_same_files() {
     let said = fluorspar(here, ["cohort", "c.toml", "--out", "whole"]).well();
     assert!(said.stdout.contains("people are too few for a range of normal values"), "{}", said.stdout);
     let whole = contents(&here.join("whole"));
+    // Nor are there ends of four people, or brackets in the page
+    let page = String::from_utf8_lossy(&whole[Path::new("report.html")]);
+    assert!(!said.stdout.contains("5 to 95 %") && !page.contains("in brackets"), "{}", said.stdout);
     for name in ["report.html", "results.json", "people.csv", "cohort.csv", "ranges.csv", "chromaticity.png"]
     {
         assert!(whole.contains_key(Path::new(name)), "{name}: {:?}", whole.keys());

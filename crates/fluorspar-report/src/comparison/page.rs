@@ -12,18 +12,18 @@ use crate::{
     Series, SeriesShape,
 };
 
-/// Longest value of a setting in a table, characters.
-const LONGEST_VALUE: usize = 60;
+/// Longest value of a setting in the table of the page, whose cells wrap, characters.
+const LONGEST_VALUE: usize = 300;
 /// Estimates of the analysis that the figure shows at most.
 const MOST_ESTIMATES: usize = 4;
 /// Further regions that it shows at most.
 const MOST_REGIONS: usize = 8;
 
-/// A setting's value for a table.
-pub(super) fn value_text(value: Option<&toml::Value>) -> String {
+/// A setting's value for a table, so many characters at most.
+fn value_text(value: Option<&toml::Value>, longest: usize) -> String {
     let Some(value) = value else { return "-".into() };
     let text = value.as_str().map_or_else(|| rounded(value).to_string(), str::to_owned);
-    match text.char_indices().nth(LONGEST_VALUE) {
+    match text.char_indices().nth(longest) {
         Some((end, _)) => format!("{}...", &text[..end]),
         None => text,
     }
@@ -43,14 +43,14 @@ fn rounded(value: &toml::Value) -> toml::Value {
     }
 }
 
-/// Cells of the row of a setting: path, both values with their unit.
+/// Cells of the row of a setting: path, both values of so many characters at most with their unit.
 #[must_use]
-pub fn setting_cells(setting: &SettingDifference) -> [String; 3] {
+pub fn setting_cells(setting: &SettingDifference, longest: usize) -> [String; 3] {
     let side = |value: &Option<toml::Value>| match (value, setting.unit) {
         (Some(value), unit) if !unit.is_empty() && is_number(value) => {
-            format!("{} {unit}", value_text(Some(value)))
+            format!("{} {unit}", value_text(Some(value), longest))
         }
-        (value, _) => value_text(value.as_ref()),
+        (value, _) => value_text(value.as_ref(), longest),
     };
     [setting.path.clone(), side(&setting.a), side(&setting.b)]
 }
@@ -171,7 +171,7 @@ fn settings_section(settings: Result<&[SettingDifference], &str>) -> Section {
         Ok(list) => section.with(ReportItem::Matrix(NumberMatrix {
             caption: "By path, as --set takes them".into(),
             columns: ["Setting", "A", "B"].map(String::from).to_vec(),
-            rows: list.iter().map(|setting| setting_cells(setting).to_vec()).collect(),
+            rows: list.iter().map(|setting| setting_cells(setting, LONGEST_VALUE).to_vec()).collect(),
             note: "Defaults are included; a dash stands where a run does not have the setting.".into(),
         })),
     }
@@ -271,12 +271,8 @@ mod tests {
     #[test]
     fn only_numbers_have_units() {
         let cells = |a: Value, b: Value| {
-            setting_cells(&SettingDifference {
-                path: "capture.blue.exposure_ms".into(),
-                unit: "ms",
-                a: Some(a),
-                b: Some(b),
-            })
+            let (path, unit) = ("capture.blue.exposure_ms".into(), "ms");
+            setting_cells(&SettingDifference { path, unit, a: Some(a), b: Some(b) }, 60)
         };
         let [_, a, b] = cells(Value::String("auto".into()), Value::Float(30.0));
         assert_eq!((a.as_str(), b.as_str()), ("auto", "30.0 ms"));

@@ -77,10 +77,10 @@ impl Ink {
 
     /// The color of a sensor channel: its own for R, G and B, else from the palette.
     pub fn of_channel(name: &str, index: usize) -> Self {
-        match name.to_lowercase().chars().next() {
-            Some('r') => Self::Rgb(213, 64, 20),
-            Some('g') => Self::Rgb(0, 158, 90),
-            Some('b') => Self::Rgb(0, 100, 200),
+        match name.to_lowercase().as_str() {
+            "r" | "red" => Self::Rgb(213, 64, 20),
+            "g" | "gr" | "gb" | "green" => Self::Rgb(0, 158, 90),
+            "b" | "blue" => Self::Rgb(0, 100, 200),
             _ => Self::cycle(index),
         }
     }

@@ -21,6 +21,7 @@ pub fn radiance_by_component(
         Scale::Linear => Axis::from_zero(label, unit, peaks),
         Scale::Log10 => Axis::decades(label, unit, peaks, RADIANCE_DECADES),
     };
+    let floor = y.limits[0];
     let mut panel = Panel::new(Axis::wavelength(wavelength_limits(all())), y);
     if let Some(total) = total {
         let shape = SeriesShape::Line { points: total.points(), width: 3.0, dash: Dash::Solid };
@@ -38,17 +39,23 @@ pub fn radiance_by_component(
     for (curve, ink) in fluorophores.iter().zip(inks) {
         panel = panel.with(Series::dashed(curve.name.clone(), ink, curve.points(), ink.fluorophore_dash()));
     }
-    let logarithmic = match scale {
-        Scale::Linear => "",
-        Scale::Log10 => " The vertical axis is logarithmic: each step up is ten times as much light.",
+    let split = match reflected {
+        None => "by the fluorophore that gave it off",
+        Some(_) => {
+            "by what happened to it: light that was merely reflected, and light that each fluorophore gave off"
+        }
     };
-    let title = match scale {
-        Scale::Linear => format!("Fluorescence of {region}, by fluorophore"),
-        Scale::Log10 => format!("Light of {region}, by origin"),
+    let below: Vec<&str> = all().filter(|c| c.peak() < floor).map(|c| c.name.as_str()).collect();
+    let below = if below.is_empty() { "" } else { &format!(" Below it: {}.", below.join(", ")) };
+    let (title, logarithmic) = match scale {
+        Scale::Linear => (format!("Fluorescence of {region}, by fluorophore"), ""),
+        Scale::Log10 => (
+            format!("Light of {region}, by origin"),
+            " The vertical axis is logarithmic: each step up is ten times as much light.",
+        ),
     };
     Figure::new(title, panel).explained(format!(
-        "The light that leaves {region} toward the camera, before any filter, split by what happened to it: light that was merely \
-         reflected, and light that each fluorophore gave off.{logarithmic}"
+        "The light that leaves {region} toward the camera, before any filter, split {split}.{logarithmic}{below}"
     ))
 }
 
@@ -64,4 +71,20 @@ pub fn spectral_readings(title: impl Into<String>, curves: &[PlotCurve]) -> Figu
         "Light that leaves the place which the instrument aims at, through the instrument's own filter and slit. Noise may \
          take a reading below zero, which the axis does not show.",
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn captions_tell_what_is_drawn() {
+        let curve = |name: &str, peak| PlotCurve::new(name, vec![400.0, 500.0], vec![0.0, peak]);
+        let (reflected, glow) = (curve("reflected", 1.0), [curve("NADH", 1e-3), curve("FAD", 1e-8)]);
+        let linear = radiance_by_component(None, None, &glow, "tongue", Scale::Linear).explanation;
+        assert!(!linear.contains("reflected") && !linear.contains("FAD"), "{linear}");
+        let origins =
+            radiance_by_component(None, Some(&reflected), &glow, "tongue", Scale::Log10).explanation;
+        assert!(origins.contains("reflected") && origins.ends_with("Below it: FAD."), "{origins}");
+    }
 }

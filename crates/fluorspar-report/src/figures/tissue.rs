@@ -113,10 +113,9 @@ pub fn light_sources_by_depth(
     channels: &[(String, Vec<[f64; 2]>)],
     layers: &[(f64, String)],
 ) -> Figure {
-    // Nine tenths of the light and a little more; a tail of some percent comes from much deeper.
-    let shown =
-        |points: &[[f64; 2]]| -> Vec<[f64; 2]> { points.iter().copied().filter(|p| p[1] <= 0.97).collect() };
-    let reach = channels.iter().flat_map(|(_, points)| shown(points)).map(|[depth_um, _]| depth_um);
+    // To nine tenths of the light and a little more; a tail of some percent comes from much deeper, beyond the axis.
+    let shown = channels.iter().flat_map(|(_, points)| points).filter(|[_, share]| *share <= 0.97);
+    let reach = shown.map(|[depth_um, _]| *depth_um);
     let x = Axis::from_zero("depth below the surface", "µm", reach);
     let y = Axis::linear("share of the light from above this depth", "", [0.0, 1.0]);
     let mut panel = Panel::new(x.clone(), y);
@@ -137,7 +136,7 @@ pub fn light_sources_by_depth(
     }
     for (index, (name, points)) in channels.iter().enumerate() {
         let ink = Ink::of_channel(name, index);
-        panel = panel.with(Series::dashed(name.clone(), ink, shown(points), Dash::cycle(index)));
+        panel = panel.with(Series::dashed(name.clone(), ink, points.clone(), Dash::cycle(index)));
     }
     Figure::new(format!("Where fluorescence arises: {title}"), panel).explained(
         "The share of the fluorescence of each channel that arises above a depth: half of the light comes from above where its \
@@ -194,6 +193,16 @@ mod tests {
         let empty = [EstimatedCurve { name: "nothing".into(), points: vec![[0.5, 0.0, 0.0]] }];
         assert!(light_by_radius(&empty).to_svg().contains("nothing"));
         assert!(light_by_depth(&empty, &[(1.0, "skin".into())]).to_svg().contains("nothing"));
+    }
+
+    #[test]
+    fn depths_leave_through_the_end_of_the_axis() {
+        let points = vec![[0.0, 0.0], [80.0, 0.5], [90.0, 0.9], [4e3, 1.0]];
+        let figure = light_sources_by_depth("lip", &[("R".into(), points.clone())], &[]);
+        let panel = &figure.panels[0];
+        assert!(panel.x.limits[1] < 200.0, "{:?}", panel.x.limits);
+        let SeriesShape::Line { points: drawn, .. } = &panel.series[0].shape else { panic!("no line") };
+        assert_eq!(*drawn, points);
     }
 
     #[test]

@@ -62,7 +62,7 @@ function draw() {
     picture.data[4 * pixel + 3] = 255;
   }
   canvas.getContext("2d").putImageData(picture, 0, 0);
-  told.textContent = `${((100 * clipped) / pixels).toFixed(1)} % clipped`;
+  told.textContent = `${((100 * clipped) / pixels).toFixed(1)} % of the blocks clipped`;
 }
 
 /** A slider; logarithmic where it begins above 0. */

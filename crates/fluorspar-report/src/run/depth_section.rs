@@ -112,18 +112,32 @@ fn depth_row(name: &str, depth: &DepthOfLight) -> Number {
 /// Share of the light from above each depth, by channel, with the layers of the tissue.
 fn figure(run: &RunResults<'_>, depths: &[&DepthOfLight], frame: &str) -> Option<Figure> {
     let name = &depths.first()?.tissue;
-    let channels = depths.iter().filter(|depth| depth.frame == frame).map(|depth| {
-        let last = depth.quantiles_um.len().saturating_sub(1).max(1) as f64;
-        let points = depth.quantiles_um.iter().enumerate();
-        (depth.channel.clone(), points.map(|(place, depth_um)| [*depth_um, place as f64 / last]).collect())
-    });
     let tissue = &run.experiment.study.tissues.iter().find(|known| known.name == *name)?.tissue;
+    let bottoms = tissue.bottoms_um();
+    let of_frame = depths.iter().filter(|depth| depth.frame == frame);
+    let channels = of_frame.map(|depth| (depth.channel.clone(), cumulative(depth, &bottoms)));
     let title = format!("{}, frame \"{frame}\"", name.replace('_', " "));
-    Some(light_sources_by_depth(&title, &channels.collect::<Vec<_>>(), &tissue.bottoms_um()))
+    Some(light_sources_by_depth(&title, &channels.collect::<Vec<_>>(), &bottoms))
+}
+
+/// The share of the light from above each depth, um: at the quantiles, and at the interfaces, where lines bend.
+fn cumulative(depth: &DepthOfLight, bottoms: &[(f64, String)]) -> Vec<[f64; 2]> {
+    let last = depth.quantiles_um.len().saturating_sub(1).max(1) as f64;
+    let quantiles = depth.quantiles_um.iter().enumerate();
+    let mut points: Vec<[f64; 2]> = quantiles.map(|(place, um)| [*um, place as f64 / last]).collect();
+    let mut above = 0.0;
+    points.extend(bottoms.iter().zip(&depth.layers).map(|((bottom_um, _), layer)| {
+        above += layer.share;
+        [*bottom_um, above]
+    }));
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    points
 }
 
 #[cfg(test)]
 mod tests {
+    use fluorspar::pipeline::LayerShare;
+
     use super::*;
 
     #[test]
@@ -156,5 +170,23 @@ mod tests {
             "By the medians G 284 µm comes from deepest here and B 240 µm from least deep."
         );
         assert_eq!(deepest_and_shallowest(&[&r]), None);
+    }
+
+    #[test]
+    fn lines_bend_at_the_interfaces_of_layers() {
+        let layer = |name: &str, share| LayerShare { name: name.into(), share };
+        let depth = DepthOfLight {
+            frame: String::new(),
+            channel: "R".into(),
+            tissue: String::new(),
+            parts: Vec::new(),
+            mean_um: 90.0,
+            median_um: 90.0,
+            depth_90_um: 170.0,
+            quantiles_um: vec![0.0, 90.0, 190.0],
+            layers: vec![layer("biofilm", 0.17), layer("stroma", 0.83)],
+        };
+        let points = cumulative(&depth, &[(20.0, "biofilm".into()), (2000.0, "stroma".into())]);
+        assert_eq!(points, [[0.0, 0.0], [20.0, 0.17], [90.0, 0.5], [190.0, 1.0], [2000.0, 1.0]]);
     }
 }

@@ -67,12 +67,20 @@ pub(super) fn view_band(filter: &Curve, range: (f64, f64)) -> Option<[f64; 2]> {
     (last - first < range.1 - range.0 - 2.0).then_some([first, last])
 }
 
-/// The filters of the catalogue whose blocking is assumed, by its optical density.
-fn assumed_densities(file: &ExperimentFile) -> Vec<(f64, Vec<&str>)> {
-    let of_lights = file.light.iter().flat_map(|light| &light.filters);
-    let of_captures = file.capture.iter().flat_map(|capture| &capture.filters);
+/// Filters in front of the sensor.
+fn viewing(file: &ExperimentFile) -> impl Iterator<Item = &SpectrumReference> {
+    file.view_filter.filters.iter().chain(file.capture.iter().flat_map(|capture| &capture.filters))
+}
+
+/// Filters on the lights.
+fn on_lights(file: &ExperimentFile) -> impl Iterator<Item = &SpectrumReference> {
+    file.light.iter().flat_map(|light| &light.filters)
+}
+
+/// Those of some filters that are of the catalogue and whose blocking is assumed, by its optical density.
+fn assumed_densities<'f>(filters: impl Iterator<Item = &'f SpectrumReference>) -> Vec<(f64, Vec<&'f str>)> {
     let mut densities: Vec<(f64, Vec<&str>)> = Vec::new();
-    for reference in file.view_filter.filters.iter().chain(of_captures).chain(of_lights) {
+    for reference in filters {
         let SpectrumReference::Text(name) = reference else { continue };
         let name = name.as_str();
         let Ok(filter) = preset::filter(name) else { continue };
@@ -92,15 +100,20 @@ fn assumed_densities(file: &ExperimentFile) -> Vec<(f64, Vec<&str>)> {
 
 /// How well the filters of the catalogue block, where that is assumed, in a short sentence without their names.
 pub(super) fn assumed_blocking_in_short(file: &ExperimentFile) -> Option<String> {
-    let densities = assumed_densities(file);
-    let (least, most) = (densities.first()?.0, densities.last()?.0);
-    let range = if least < most { format!("{least} to {most}") } else { least.to_string() };
-    Some(format!("Filters block to an assumed optical density of {range}."))
+    let range = |who: &str, densities: Vec<(f64, Vec<&str>)>| {
+        let (least, most) = (densities.first()?.0, densities.last()?.0);
+        let to = if least < most { format!(" to {most}") } else { String::new() };
+        Some(format!("{who} {least}{to}"))
+    };
+    let of_viewing = range("viewing filters", assumed_densities(viewing(file)));
+    let of_lights = range("filters on the lights", assumed_densities(on_lights(file)));
+    let both: Vec<String> = of_viewing.into_iter().chain(of_lights).collect();
+    (!both.is_empty()).then(|| format!("Assumed optical density of blocking: {}.", both.join(", ")))
 }
 
 /// How well the filters of the catalogue block, where that is assumed, in a sentence: what leaks goes with it.
 pub(super) fn assumed_blocking(file: &ExperimentFile) -> Option<String> {
-    let densities = assumed_densities(file).into_iter();
+    let densities = assumed_densities(viewing(file).chain(on_lights(file))).into_iter();
     let each: Vec<String> =
         densities.map(|(density, names)| format!("{density} ({})", names.join(", "))).collect();
     (!each.is_empty()).then(|| {
@@ -156,7 +169,13 @@ exposure_ms = 2.0
         assert!(said.contains("optical density 5 (band_pass_525_45, band_pass_635_50"), "{said}");
         // The first screen has no room for their names
         let short = assumed_blocking_in_short(file).unwrap();
-        assert!(short.contains("optical density of") && !short.contains("band_pass"), "{short}");
+        assert!(short.contains("viewing filters 5") && !short.contains("band_pass"), "{short}");
+        // Those of lights are told apart
+        let mut stated = file.clone();
+        stated.light[0].filters = viewing(file).cloned().collect();
+        stated.capture.iter_mut().for_each(|capture| capture.filters.clear());
+        let short = assumed_blocking_in_short(&stated).unwrap();
+        assert!(short.contains("filters on the lights") && !short.contains("viewing"), "{short}");
     }
 
     #[test]
