@@ -326,7 +326,7 @@ fn porphyrin(analyzed: &AnalyzedFrame, developed: &ChannelImage) -> Result<(Prev
 fn signal_to_noise(study: &LiveStudy<'_>, frame: &CapturedFrame) -> Result<(Preview, Legend)> {
     let image = &frame.developed;
     let sensor = study.study().camera.sensor.as_ref().ok_or(PipelineError::Missing("sensor"))?;
-    let noise = noise_of(image, frame.raw.dn_per_electron, sensor);
+    let noise = noise_of(image, &frame.raw, sensor);
     let channels = image.channels.len();
     let of_channel = |channel: usize, pixel: usize| {
         let [variance] = noise.of_pixel(image, [channel], pixel);

@@ -105,6 +105,16 @@ fn electrons_of_a_frame_are_leak_or_fluorescence() {
     // The film is larger than the sensor, and light falls off toward its corners alike for both kinds of light.
     assert!((leak.leak_ratio.unwrap() / region - 1.0).abs() < 0.01, "{leak:?}, {region}");
     assert!(!leak.is_reflectance());
+    // What a subtracted frame has of the same light is neither
+    let mut halved = study.clone();
+    let dark = settings.subtract.clone().unwrap();
+    let other = halved.captures.iter_mut().find(|c| c.frame.label == dark).unwrap();
+    other.frame.lights =
+        settings.frame.lights.iter().map(|(name, drive)| (name.clone(), 0.5 * drive)).collect();
+    let half = frame_leak(&halved, &image, &seen, settings, raw.exposure_s, None).unwrap().unwrap();
+    for (half, all) in half.electrons().iter().zip(leak.electrons()) {
+        assert!((half / all - 0.5).abs() < 1e-6, "{half} {all}");
+    }
     // A selection of one pixel has one channel; a frame without light has no leak.
     let one = PixelSelection { width: raw.width, height: raw.height, pixels: vec![5] };
     let one = frame_leak(&study, &image, &seen, settings, raw.exposure_s, Some(&one)).unwrap().unwrap();

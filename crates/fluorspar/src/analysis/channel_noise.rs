@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::image::ChannelImage;
@@ -18,7 +19,7 @@ use crate::image::ChannelImage;
 /// mean over many the raw values count: see [`super::PixelMean`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChannelNoise {
-    /// Standard deviation of a dark value, DN.
+    /// Standard deviation of a dark value by what no line shares, DN.
     pub floor_dn: f64,
     /// Digital numbers per electron.
     pub dn_per_electron: f64,
@@ -29,13 +30,16 @@ pub struct ChannelNoise {
     pub lines: LineNoise,
 }
 
-/// Noise that all pixels of a line share: it averages over the lines of a region, not over its pixels.
+/// Noise that all pixels of a line share, of all channels: it averages over the lines of a region, not over its pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LineNoise {
-    /// Standard deviation of the offset of a row, DN.
+    /// Standard deviation of what a row adds to one frame, DN.
     pub row_dn: f64,
-    /// Standard deviation of the offset of a column, DN.
+    /// The same of a column.
     pub column_dn: f64,
+    /// The same of what rows and columns add to all frames.
+    #[serde(default)]
+    pub fixed_dn: [f64; 2],
     /// Relative spread of the gains of columns.
     pub column_gain: f64,
 }
@@ -46,27 +50,57 @@ impl LineNoise {
         *self == Self::default()
     }
 
-    /// Variance of a mean of `mean_dn` over pixels of an image of `width` columns, DN²: `s_r² sum over rows (sum of w)²`, and the same of
-    /// columns. `weights` are pixels with their weights in the mean.
-    pub(super) fn variance_of_mean(
+    /// Variance of one value, DN².
+    fn of_value(&self, value_dn: f64) -> f64 {
+        let [row_dn, column_dn] = self.fixed_dn;
+        let squares = [self.row_dn, self.column_dn, row_dn, column_dn, self.column_gain * value_dn];
+        squares.iter().map(|dn| dn * dn).sum()
+    }
+
+    /// Covariance of sums over values of some channels, by their numbers, DN²: `s_r² sum over rows W_c W_d` with the sum `W_c` of a channel's
+    /// weights in a row, and the same of columns, of gains times the levels. `weights` are raw pixels with their weights, by channel.
+    pub(super) fn covariance(
         &self,
-        weights: impl Iterator<Item = (usize, f64)>,
-        width: usize,
-        mean_dn: f64,
-    ) -> f64 {
+        image: &ChannelImage,
+        channels: &[usize],
+        weights: &[Vec<(usize, f64)>],
+        level_dn: &[f64],
+    ) -> DMatrix<f64> {
+        let n = channels.len();
+        let mut covariance = DMatrix::zeros(n, n);
         if self.is_none() {
-            return 0.0;
+            return covariance;
         }
-        let mut of_lines = [BTreeMap::new(), BTreeMap::new()];
-        for (pixel, weight) in weights {
-            for (lines, line) in of_lines.iter_mut().zip([pixel / width, pixel % width]) {
-                *lines.entry(line).or_insert(0.0) += weight;
+        let level = DVector::from_column_slice(level_dn);
+        let of_rows = [self.row_dn, self.fixed_dn[0], 0.0];
+        for (is_row, scales) in
+            [(true, of_rows), (false, [self.column_dn, self.fixed_dn[1], self.column_gain])]
+        {
+            let mut lines: BTreeMap<usize, [DVector<f64>; 2]> = BTreeMap::new();
+            for (c, weights) in weights.iter().enumerate() {
+                for &(pixel, weight) in weights {
+                    let line = if is_row { pixel / image.width } else { pixel % image.width };
+                    let sums = lines.entry(line).or_insert_with(|| [DVector::zeros(n), DVector::zeros(n)]);
+                    sums[0][c] += weight * line_variance(image, channels[c], pixel).sqrt();
+                    sums[1][c] += weight;
+                }
+            }
+            for [changing, fixed] in lines.into_values() {
+                let signal = fixed.component_mul(&level);
+                for (scale, sums) in scales.iter().zip([changing, fixed, signal]) {
+                    covariance.ger(scale * scale, &sums, &sums, 1.0);
+                }
             }
         }
-        let [rows, columns] = of_lines.map(|lines| lines.values().map(|weight| weight * weight).sum::<f64>());
-        let column_dn = self.column_dn.hypot(self.column_gain * mean_dn);
-        rows * self.row_dn.powi(2) + columns * column_dn.powi(2)
+        covariance
     }
+}
+
+/// Variance of what changes from frame to frame of a line in a raw value, over that without calibration frames and other exposures.
+fn line_variance(image: &ChannelImage, channel: usize, pixel: usize) -> f64 {
+    let Some(calibration) = &image.calibration else { return 1.0 };
+    let value = if image.interpolation.is_some() { pixel } else { pixel * image.channels.len() + channel };
+    calibration.line_variance.get(value).map_or(1.0, |variance| f64::from(*variance))
 }
 
 impl ChannelNoise {
@@ -89,10 +123,11 @@ impl ChannelNoise {
 
     /// Variance of a value from which nothing was subtracted, DN². Values below zero count as dark.
     pub fn variance(&self, value_dn: f64) -> f64 {
-        self.variance_over(value_dn, 0.0, 0.0)
+        self.variance_over(value_dn, 0.0, 0.0) + self.lines.of_value(value_dn)
     }
 
-    /// Variance of a value that is left after `subtracted_dn` of an exposure `exposure_ratio` times shorter was taken off, DN².
+    /// Variance of a value that is left after `subtracted_dn` of an exposure `exposure_ratio` times shorter was taken off, DN², without what
+    /// lines share.
     pub fn variance_over(&self, value_dn: f64, subtracted_dn: f64, exposure_ratio: f64) -> f64 {
         let (signal, background) = (value_dn.max(0.0), subtracted_dn.max(0.0));
         let shot = self.dn_per_electron * (signal + background * (1.0 + exposure_ratio));
@@ -108,16 +143,17 @@ impl ChannelNoise {
     ) -> [f64; N] {
         channels.map(|channel| {
             let value = f64::from(image.data[pixel * image.channels.len() + channel]);
-            self.of_value(image, channel, pixel) + scale_variance_dn2(image, channel, value)
+            let of_pixel = self.of_value(image, channel, pixel) + self.lines.of_value(value);
+            of_pixel + scale_variance_dn2(image, channel, value)
         })
     }
 
-    /// Variance of a value by what differs from pixel to pixel, DN²: the error of a channel's scale is not in it.
+    /// Variance of a value by what differs from pixel to pixel, DN²: neither lines nor the error of a channel's scale are in it.
     pub(super) fn of_value(&self, image: &ChannelImage, channel: usize, pixel: usize) -> f64 {
         let index = pixel * image.channels.len() + channel;
         let value = f64::from(image.data[index]);
         let own = match &image.subtracted {
-            None => self.variance(value),
+            None => self.variance_over(value, 0.0, 0.0),
             Some(light) => self.variance_over(value, f64::from(light.dn[index]), light.exposure_ratio),
         };
         let added = image.calibration.as_ref().map_or(0.0, |added| f64::from(added.variance_dn2[index]));

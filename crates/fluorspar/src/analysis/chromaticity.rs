@@ -20,17 +20,18 @@ pub fn sensor_chromaticity([r, g, b]: [f64; 3]) -> Option<[f64; 2]> {
     (sum > 0.0 && sum.is_finite()).then(|| [r / sum, g / sum])
 }
 
-/// Covariance matrix of `(r, g)` to first order in the noise, from independent channel variances.
+/// Covariance matrix of `(r, g)` to first order in the noise, from that of the channels.
 ///
 /// `dr/dR = (1 - r)/S`, `dr/dG = dr/dB = -r/S` with `S = R + G + B`, and the same with `g`. Good where the noise of
 /// the sum is small compared with the sum.
-pub fn chromaticity_covariance(rgb: [f64; 3], variance: [f64; 3]) -> Option<[[f64; 2]; 2]> {
+pub fn chromaticity_covariance(rgb: [f64; 3], covariance: [[f64; 3]; 3]) -> Option<[[f64; 2]; 2]> {
     let [r, g] = sensor_chromaticity(rgb)?;
     let inverse_square = rgb.iter().sum::<f64>().powi(-2);
     let by_r = [1.0 - r, -r, -r];
     let by_g = [-g, 1.0 - g, -g];
     let product = |a: [f64; 3], b: [f64; 3]| -> f64 {
-        (0..3).map(|channel| a[channel] * b[channel] * variance[channel]).sum::<f64>() * inverse_square
+        let of_row = |row: usize| (0..3).map(|col| a[row] * b[col] * covariance[row][col]).sum::<f64>();
+        (0..3).map(of_row).sum::<f64>() * inverse_square
     };
     let cross = product(by_r, by_g);
     Some([[product(by_r, by_r), cross], [cross, product(by_g, by_g)]])
@@ -263,24 +264,23 @@ mod tests {
 
     #[test]
     fn covariance_equals_the_numerical_derivative() {
-        let (rgb, variance) = ([120.0, 310.0, 70.0], [25.0, 16.0, 9.0]);
+        let rgb = [120.0, 310.0, 70.0];
+        let of_channels = [[25.0, 3.0, -2.0], [3.0, 16.0, 4.0], [-2.0, 4.0, 9.0]];
         let step = 1e-4;
-        let mut expected = [[0.0; 2]; 2];
-        for channel in 0..3 {
+        let slopes = [0, 1, 2].map(|channel| {
             let (mut up, mut down) = (rgb, rgb);
             up[channel] += step;
             down[channel] -= step;
             let (up, down) = (sensor_chromaticity(up).unwrap(), sensor_chromaticity(down).unwrap());
-            let slope: Vec<f64> = (0..2).map(|i| (up[i] - down[i]) / (2.0 * step)).collect();
-            for i in 0..2 {
-                for j in 0..2 {
-                    expected[i][j] += slope[i] * slope[j] * variance[channel];
-                }
-            }
-        }
-        let covariance = chromaticity_covariance(rgb, variance).unwrap();
+            [0, 1].map(|i| (up[i] - down[i]) / (2.0 * step))
+        });
+        let covariance = chromaticity_covariance(rgb, of_channels).unwrap();
+        let mut expected = [[0.0; 2]; 2];
         for i in 0..2 {
             for j in 0..2 {
+                for (a, row) in of_channels.iter().enumerate() {
+                    expected[i][j] += (0..3).map(|b| slopes[a][i] * slopes[b][j] * row[b]).sum::<f64>();
+                }
                 // Central differences are exact to step², relative 1e-12 here; rounding adds 1e-16 / step.
                 assert!((covariance[i][j] / expected[i][j] - 1.0).abs() < 1e-8);
             }

@@ -49,8 +49,10 @@ pub struct BudgetInput<'a> {
     pub direct_line: &'a MixtureLine,
     /// Mean R, G, B, DN.
     pub mean_rgb_dn: [f64; 3],
-    /// Variance of that mean, DN².
+    /// Variance of that mean by pixels, DN².
     pub variance_dn2: [f64; 3],
+    /// Its covariance by what lines share, DN².
+    pub lines_dn2: [[f64; 3]; 3],
     /// Mean R, G, B of another frame that was subtracted, DN, and the ratio of the exposure times; zeros without one.
     pub subtracted: ([f64; 3], f64),
     /// Noise of the frame's pixels.
@@ -62,14 +64,15 @@ pub struct BudgetInput<'a> {
 }
 
 impl BudgetInput<'_> {
-    /// Variance of the mean if it were another, DN²: less light brings less shot noise.
-    fn variance_of(&self, rgb_dn: [f64; 3]) -> [f64; 3] {
+    /// The estimate on a line if the mean were another: less light brings less shot noise, and as much of lines.
+    fn estimate(&self, line: &MixtureLine, rgb_dn: [f64; 3]) -> Option<LineEstimate> {
         let (subtracted, ratio) = self.subtracted;
-        [0, 1, 2].map(|c| {
+        let variance_dn2 = [0, 1, 2].map(|c| {
             let of_pixel = |dn: f64| self.noise.variance_over(dn, subtracted[c], ratio);
             let here = of_pixel(self.mean_rgb_dn[c]);
             if here > 0.0 { self.variance_dn2[c] * of_pixel(rgb_dn[c]) / here } else { self.variance_dn2[c] }
-        })
+        });
+        line.project_shared(rgb_dn, variance_dn2, self.lines_dn2)
     }
 }
 
@@ -86,9 +89,9 @@ impl ErrorBudget {
     /// The budget; `None` where the region has no chromaticity.
     #[must_use]
     pub fn new(input: &BudgetInput<'_>) -> Option<Self> {
-        let BudgetInput { line, mean_rgb_dn, variance_dn2, light, .. } = *input;
-        let here: LineEstimate = line.project(mean_rgb_dn, variance_dn2)?;
-        let estimate = |rgb: [f64; 3]| line.project(rgb, input.variance_of(rgb));
+        let BudgetInput { line, mean_rgb_dn, light, .. } = *input;
+        let here = input.estimate(line, mean_rgb_dn)?;
+        let estimate = |rgb: [f64; 3]| input.estimate(line, rgb);
         // Electrons of R, G and B: a line has no others
         let without = |electrons: &[f64]| {
             let &[red, green, blue] = electrons else { return None };
@@ -105,7 +108,7 @@ impl ErrorBudget {
         item("leaked light", estimate_without(&light.reflected));
         item("light of other parts", estimate_without(&light.other_parts));
         item("light that fluoresced twice", estimate_without(&light.fluoresced_twice));
-        item("indirect light", input.direct_line.project(mean_rgb_dn, variance_dn2));
+        item("indirect light", input.estimate(input.direct_line, mean_rgb_dn));
         item("rim of the region", input.inner_rgb_dn.and_then(estimate));
 
         let sensor_noise = Z_95 * here.position_standard_error;
@@ -151,6 +154,7 @@ mod tests {
             direct_line: &direct_line,
             mean_rgb_dn: [0, 1, 2].map(|channel| 0.5 * light.all()[channel]),
             variance_dn2: [1e-4; 3],
+            lines_dn2: [[0.0; 3]; 3],
             inner_rgb_dn: None,
             light: &light,
             subtracted: ([0.0; 3], 0.0),

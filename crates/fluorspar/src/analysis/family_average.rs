@@ -14,7 +14,8 @@ use super::light_family::{LightFamily, NuisanceGroup};
 use super::red_pattern::{PatternPosterior, RedPattern};
 use super::region_blocks::{BlockFamily, BlockShares, DrawnTissues, LEAST_BLOCKS, RegionBlock};
 use super::share_posterior::{
-    FamilyFit, IntervalWithout, Mixture, RedShare, ShareInterval, ShareOfMean, SharePosterior, largest_misfit,
+    FamilyFit, IntervalWithout, Mixture, RedShare, ShareInterval, ShareOfMean, SharePosterior, covariance_of,
+    largest_misfit,
 };
 use super::visible_share::{SignalLevel, VisibleShare, visible_share};
 use crate::warning::Warning;
@@ -187,7 +188,7 @@ impl Measured<'_> {
         let known: Vec<(&str, &Candidate<'_>)> = known.collect();
         let level = SignalLevel {
             electrons: self.electrons.to_vec(),
-            variance: self.variance.to_vec(),
+            variance: covariance_of(self.variance, self.electrons.len()).diagonal().iter().copied().collect(),
             blocks: self.blocks.len(),
         };
         let interval = |changed: &Vec<Candidate<'_>>| self.interval(&changed.iter().collect::<Vec<_>>());
@@ -334,7 +335,7 @@ impl<'a> FamilyAverage<'a> {
     }
 
     /// The share of the porphyrin from measured electrons, one number for each channel of each frame, and their variances by the
-    /// sensor's noise. `None` where there is nothing to measure: no positive number, or numbers that do not fit the named family in
+    /// sensor's noise, or all numbers of its covariance. `None` where there is nothing to measure: no positive number, or numbers that do not fit the named family in
     /// length.
     #[must_use]
     pub fn posterior(&self, electrons: &[f64], variance: &[f64]) -> Option<SharePosterior> {

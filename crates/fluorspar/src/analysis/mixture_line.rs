@@ -270,11 +270,22 @@ impl MixtureLine {
 
     /// Projects a pixel's chromaticity onto the line. `None` where the pixel has no chromaticity.
     ///
-    /// `variance` is that of R, G and B; reflected light, if known, must have been subtracted. Errors are of first order in
-    /// the noise.
+    /// `variance` is that of R, G and B, independent of each other; reflected light, if known, must have been subtracted. Errors are of
+    /// first order in the noise.
     pub fn project(&self, rgb: [f64; 3], variance: [f64; 3]) -> Option<LineEstimate> {
+        self.project_shared(rgb, variance, [[0.0; 3]; 3])
+    }
+
+    /// [`Self::project`] with a covariance of R, G and B on top, of noise that they share.
+    pub fn project_shared(
+        &self,
+        rgb: [f64; 3],
+        variance: [f64; 3],
+        mut shared: [[f64; 3]; 3],
+    ) -> Option<LineEstimate> {
         let point = sensor_chromaticity(rgb)?;
-        let covariance = chromaticity_covariance(rgb, variance)?;
+        (0..3).for_each(|c| shared[c][c] += variance[c]);
+        let covariance = chromaticity_covariance(rgb, shared)?;
         let length = self.length();
         let along = [0, 1].map(|i| (self.porphyrin[i] - self.bulk[i]) / length);
         let across = if along[0] >= along[1] { [-along[1], along[0]] } else { [along[1], -along[0]] };

@@ -1,5 +1,6 @@
 //! The mean of a region, and how certain the sensor's noise leaves it.
 
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::channel_noise::{ChannelNoise, scale_variance_dn2};
@@ -13,6 +14,8 @@ pub struct PixelMean {
     pub dn: Vec<f64>,
     /// Variance of each mean, DN².
     pub variance_dn2: Vec<f64>,
+    /// Covariance of the means by what lines share, DN².
+    pub lines_dn2: DMatrix<f64>,
 }
 
 impl PixelMean {
@@ -35,35 +38,49 @@ impl PixelMean {
             |channel: usize, pixel: usize| f64::from(image.data[pixel * image.channels.len() + channel]);
         let mean = |channel: usize| pixels.iter().map(|&pixel| value(channel, pixel)).sum::<f64>() / n;
         let dn: Vec<f64> = channels.iter().map(|&channel| mean(channel)).collect();
-        let variance = |&channel: &usize| {
-            variance_of_mean(image, channel, pixels, noise, mean(channel))
-                + scale_variance_dn2(image, channel, mean(channel))
+        let of_channel = |&channel: &usize| {
+            let weights = raw_weights(image, channel, pixels);
+            let own = variance_of_mean(image, channel, &weights, noise);
+            (own + scale_variance_dn2(image, channel, mean(channel)), weights)
         };
-        let variance_dn2 = channels.par_iter().map(variance).collect();
-        (!pixels.is_empty()).then_some(Self { dn, variance_dn2 })
+        let (own, weights): (Vec<f64>, Vec<_>) = channels.par_iter().map(of_channel).unzip();
+        let lines_dn2 = noise.lines.covariance(image, channels, &weights, &dn);
+        let variance_dn2 = own.iter().zip(&lines_dn2.diagonal()).map(|(own, lines)| own + lines).collect();
+        (!pixels.is_empty()).then_some(Self { dn, variance_dn2, lines_dn2 })
+    }
+
+    /// Covariance of the means, DN².
+    #[must_use]
+    pub fn covariance_dn2(&self) -> DMatrix<f64> {
+        let mut covariance = self.lines_dn2.clone();
+        covariance.set_diagonal(&DVector::from_column_slice(&self.variance_dn2));
+        covariance
     }
 }
 
+/// Raw pixels with their weights in the mean of a channel over pixels; the pixels themselves where interpolation is not known.
+pub(super) fn raw_weights(image: &ChannelImage, channel: usize, pixels: &[usize]) -> Vec<(usize, f64)> {
+    match &image.interpolation {
+        Some(taps) => taps.weights_of_mean(pixels, channel, [image.width, image.height]),
+        None => pixels.iter().map(|&pixel| (pixel, 1.0 / pixels.len() as f64)).collect(),
+    }
+}
+
+/// Variance of the mean with these weights by what differs from pixel to pixel.
 fn variance_of_mean(
     image: &ChannelImage,
     channel: usize,
-    pixels: &[usize],
+    weights: &[(usize, f64)],
     noise: &ChannelNoise,
-    mean_dn: f64,
 ) -> f64 {
-    let variance = |channel: usize, pixel: usize| noise.of_value(image, channel, pixel);
-    let (lines, width) = (&noise.lines, image.width);
     let Some(taps) = &image.interpolation else {
-        let n = pixels.len() as f64;
-        let sum: f64 = pixels.iter().map(|&pixel| variance(channel, pixel)).sum();
-        let of_lines = lines.variance_of_mean(pixels.iter().map(|&pixel| (pixel, 1.0 / n)), width, mean_dn);
-        return sum / (n * (n * image.shares[channel]).max(1.0)) + of_lines;
+        let n = weights.len() as f64;
+        let sum: f64 = weights.iter().map(|(pixel, _)| noise.of_value(image, channel, *pixel)).sum();
+        return sum / (n * (n * image.shares[channel]).max(1.0));
     };
     // A pixel keeps the value of the channel that it measured.
-    let weights = taps.weights_of_mean(pixels, channel, [image.width, image.height]);
-    let of_lines = lines.variance_of_mean(weights.iter().copied(), width, mean_dn);
-    let raw = |(raw, weight): (usize, f64)| weight * weight * variance(taps.channel_of(raw, width), raw);
-    weights.into_iter().map(raw).sum::<f64>() + of_lines
+    let variance = |raw: usize| noise.of_value(image, taps.channel_of(raw, image.width), raw);
+    weights.iter().map(|&(raw, weight)| weight * weight * variance(raw)).sum()
 }
 
 /// Mean R, G, B of some pixels and the variance of that mean by the sensor's noise, DN and DN². `reflected` is subtracted; `None`
@@ -77,14 +94,22 @@ pub fn mean_of_pixels(
     noise: &ChannelNoise,
     reflected: Option<&ChannelImage>,
 ) -> Result<Option<[[f64; 3]; 2]>, MissingChannel> {
-    let channels = rgb_channels(image)?;
-    let Some(mean) = PixelMean::new(image, &channels, pixels, noise) else { return Ok(None) };
-    let mut leak = [0.0; 3];
+    let mean = rgb_mean(image, pixels, noise, reflected)?;
+    Ok(mean.map(|mean| [[0, 1, 2].map(|c| mean.dn[c]), [0, 1, 2].map(|c| mean.variance_dn2[c])]))
+}
+
+/// The same with what lines share.
+pub(super) fn rgb_mean(
+    image: &ChannelImage,
+    pixels: &[usize],
+    noise: &ChannelNoise,
+    reflected: Option<&ChannelImage>,
+) -> Result<Option<PixelMean>, MissingChannel> {
+    let Some(mut mean) = PixelMean::new(image, &rgb_channels(image)?, pixels, noise) else { return Ok(None) };
     if let Some(reflected) = reflected {
-        let channels = rgb_channels(reflected)?;
-        if let Some(mean) = PixelMean::new(reflected, &channels, pixels, noise) {
-            leak.copy_from_slice(&mean.dn);
-        }
+        let leak = PixelMean::new(reflected, &rgb_channels(reflected)?, pixels, noise);
+        let leak = leak.into_iter().flat_map(|leak| leak.dn);
+        mean.dn.iter_mut().zip(leak).for_each(|(dn, leak)| *dn -= leak);
     }
-    Ok(Some([[0, 1, 2].map(|c| mean.dn[c] - leak[c]), [0, 1, 2].map(|c| mean.variance_dn2[c])]))
+    Ok(Some(mean))
 }

@@ -14,7 +14,7 @@ use super::red_pattern::{
     CHLOROPHYLL, INDEPENDENT_BLOCKS, PLACE_FACTORS, PLACES_OVER_PEOPLE, PatternPosterior, RedPattern, bulks,
     share_of_chlorophyll,
 };
-use super::share_posterior::FamilyFit;
+use super::share_posterior::{FamilyFit, covariance_of};
 use crate::sampling::SampleStream;
 
 /// Draws of people, and of places in one person.
@@ -63,7 +63,7 @@ pub struct RegionBlock {
     pub pixels: usize,
     /// Mean electrons of each datum of a family.
     pub electrons: Vec<f64>,
-    /// Their variances by the sensor's noise.
+    /// Their variances by the sensor's noise, or all numbers of its covariance.
     pub variance: Vec<f64>,
 }
 
@@ -337,11 +337,9 @@ impl LightFamily {
             let by_divisor = if self.divides(datum, data[row]) { color[row] } else { 0.0 };
             (f64::from(u8::from(data[row] == datum)) - by_divisor) / totals[row]
         };
-        DMatrix::from_fn(color.len(), color.len(), |row, col| {
-            let of_datum =
-                |(datum, variance): (usize, &f64)| variance * slope(row, datum) * slope(col, datum);
-            block.variance.iter().enumerate().map(of_datum).sum()
-        })
+        let noise = covariance_of(&block.variance, block.electrons.len());
+        let slopes = DMatrix::from_fn(color.len(), noise.ncols(), slope);
+        &slopes * noise * slopes.transpose()
     }
 }
 

@@ -213,8 +213,8 @@ pub(super) struct FamilyFit {
     prior_of_none: f64,
     /// The most probable amount.
     best: Mode,
-    /// Standard deviations of the data.
-    sd: Vec<f64>,
+    /// `L` of the covariance `L L^T` of the data.
+    noise: DMatrix<f64>,
 }
 
 /// Misfit of data of the family that is exceeded with the probability [`FOREIGN`].
@@ -374,35 +374,37 @@ impl LightFamily {
 
     pub(super) fn fit(&self, electrons: &[f64], variance: &[f64]) -> Option<FamilyFit> {
         let n = self.frame_of.len();
-        if electrons.len() != n || variance.len() != n || !electrons.iter().any(|e| *e > 0.0) {
+        let fits = [n, n * n].contains(&variance.len()) && electrons.len() == n;
+        if !fits || !electrons.iter().any(|e| *e > 0.0) {
             return None;
         }
-        let sd = self.data_sd(electrons, variance);
+        let noise = self.data_noise(electrons, variance)?;
         let start = self.start(electrons);
-        let none = self.mode(&[start], 0.0, electrons, &sd)?;
+        let none = self.mode(&[start], 0.0, electrons, &noise)?;
 
         // Walk over the amounts, each from the mode of the one before or from where the two before it lead
         let mut modes: Vec<(f64, Mode)> = Vec::with_capacity(AMOUNTS);
         let mut starts = vec![none.nuisances.clone()];
         for node in 0..AMOUNTS {
             let [z, amount] = self.amount(node);
-            if let Some(mode) = self.mode(&starts, amount, electrons, &sd) {
+            if let Some(mode) = self.mode(&starts, amount, electrons, &noise) {
                 let before = modes.last().map_or(&none.nuisances, |(_, before)| &before.nuisances);
                 starts = vec![mode.nuisances.clone(), 2.0 * &mode.nuisances - before];
                 modes.push((-0.5 * z * z, mode));
             }
         }
-        self.mix(none, modes, sd)
+        self.mix(none, modes, noise)
     }
 
-    /// Standard deviations of the data: noise, and errors of the model in proportion to the signal.
-    fn data_sd(&self, electrons: &[f64], variance: &[f64]) -> Vec<f64> {
+    /// `L` of the covariance `L L^T` of the data: noise, and errors of the model in proportion to the signal.
+    fn data_noise(&self, electrons: &[f64], variance: &[f64]) -> Option<DMatrix<f64>> {
         let largest = electrons.iter().copied().fold(0.0, f64::max);
-        let of = |i: usize| {
-            let signal = electrons[i].max(1e-3 * largest);
-            (variance[i] + (self.model_error[i] * signal).powi(2)).sqrt().max(1e-9 * largest)
-        };
-        (0..electrons.len()).map(of).collect()
+        let mut covariance = covariance_of(variance, electrons.len());
+        for (i, electrons) in electrons.iter().enumerate() {
+            let of_model = self.model_error[i] * electrons.max(1e-3 * largest);
+            covariance[(i, i)] = (covariance[(i, i)] + of_model.powi(2)).max((1e-9 * largest).powi(2));
+        }
+        Cholesky::new(covariance).map(Cholesky::unpack)
     }
 
     /// Amount of porphyrin of a node of the grid.
@@ -412,7 +414,7 @@ impl LightFamily {
     }
 
     /// Weights of all amounts together.
-    fn mix(&self, none: Mode, mut modes: Vec<(f64, Mode)>, sd: Vec<f64>) -> Option<FamilyFit> {
+    fn mix(&self, none: Mode, mut modes: Vec<(f64, Mode)>, noise: DMatrix<f64>) -> Option<FamilyFit> {
         let step = 2.0 * REACH / (AMOUNTS - 1) as f64;
         let slab = (1.0 - self.probability_of_none).ln() + (step / std::f64::consts::TAU.sqrt()).ln();
         let log_weights: Vec<f64> =
@@ -453,10 +455,10 @@ impl LightFamily {
             mixture: Mixture { none: of_none, terms: weighted(&Mode::log_odds) },
             red,
             red_along,
-            log_evidence: largest + total.ln() - sd.iter().map(|sd| sd.ln()).sum::<f64>(),
+            log_evidence: largest + total.ln() - noise.diagonal().iter().map(|sd| sd.ln()).sum::<f64>(),
             misfit,
             best: modes.swap_remove(best).1,
-            sd,
+            noise,
         })
     }
 
@@ -474,10 +476,16 @@ impl LightFamily {
     }
 
     /// The most probable nuisances for an amount of porphyrin, by Gauss-Newton steps in the space of the data from the best of some starts.
-    fn mode(&self, starts: &[DVector<f64>], amount: f64, electrons: &[f64], sd: &[f64]) -> Option<Mode> {
-        let n = electrons.len();
+    fn mode(
+        &self,
+        starts: &[DVector<f64>],
+        amount: f64,
+        electrons: &[f64],
+        noise: &DMatrix<f64>,
+    ) -> Option<Mode> {
         let residual = |point: &FamilyPoint| {
-            DVector::from_iterator(n, (0..n).map(|i| (electrons[i] - point.electrons[i]) / sd[i]))
+            let off = electrons.iter().zip(&point.electrons).map(|(measured, e)| measured - e);
+            noise.solve_lower_triangular_unchecked(&DVector::from_iterator(electrons.len(), off))
         };
         let at = |u: DVector<f64>| {
             let point = self.point(u.as_slice(), amount);
@@ -488,7 +496,7 @@ impl LightFamily {
         let tried = starts.iter().cloned().map(at);
         let (mut u, mut point, mut r, mut misfit) = tried.min_by(|a, b| a.3.total_cmp(&b.3))?;
         for _ in 0..MOST_STEPS {
-            let slopes = in_sd(&point.slopes, sd);
+            let slopes = in_sd(&point.slopes, noise);
             let factor = Cholesky::new(products_and_one(&slopes))?;
             let step = &slopes * factor.solve(&(&r + slopes.tr_mul(&u))) - &u;
             // Halve the step until the misfit falls
@@ -509,7 +517,7 @@ impl LightFamily {
                 break;
             }
         }
-        let slopes = in_sd(&point.slopes, sd);
+        let slopes = in_sd(&point.slopes, noise);
         let factor = Cholesky::new(products_and_one(&slopes))?;
         let log_determinant = 2.0 * factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
         let log_evidence = -0.5 * misfit - 0.5 * log_determinant;
@@ -518,9 +526,9 @@ impl LightFamily {
 
     /// The nuisance that goes along with the share most, the amount of porphyrin being unknown.
     pub(super) fn blind_direction(&self, fit: &FamilyFit) -> Option<BlindDirection> {
-        let (FamilyFit { best: mode, sd, .. }, names) = (fit, self.nuisances());
+        let (FamilyFit { best: mode, noise, .. }, names) = (fit, self.nuisances());
         // The logarithm of the amount joins as the last unknown
-        let slopes = self.with_amount(&mode.slopes, &mode.point, sd);
+        let slopes = self.with_amount(&mode.slopes, &mode.point, noise);
         let mut odds = mode.point.log_odds_slopes.clone().insert_row(names.len(), self.porphyrin.log_sd);
         let factor = Cholesky::new(products_and_one(&slopes))?;
         let spread = |g: &DVector<f64>| g - &slopes * factor.solve(&slopes.tr_mul(g));
@@ -575,18 +583,19 @@ impl LightFamily {
         let sd: Vec<f64> = (0..n)
             .map(|i| (variance[i] + (self.model_error[i] * point.electrons[i]).powi(2)).sqrt())
             .collect();
-        let slopes = self.with_amount(&in_sd(&point.slopes, &sd), &point, &sd);
+        let noise = DMatrix::from_diagonal(&DVector::from_column_slice(&sd));
+        let slopes = self.with_amount(&in_sd(&point.slopes, &noise), &point, &noise);
         let odds = point.log_odds_slopes.insert_row(nuisances.len(), self.porphyrin.log_sd);
         let factor = Cholesky::new(products_and_one(&slopes))?;
         (porphyrin > 0.0).then_some(Bound { slopes, odds, factor, sd })
     }
 
     /// Slopes of the data in their standard deviations, with those by the logarithm of the amount as the last row.
-    fn with_amount(&self, slopes: &DMatrix<f64>, point: &FamilyPoint, sd: &[f64]) -> DMatrix<f64> {
-        let by_amount = |datum: usize| self.porphyrin.log_sd * point.porphyrin[datum] / sd[datum];
+    fn with_amount(&self, slopes: &DMatrix<f64>, point: &FamilyPoint, noise: &DMatrix<f64>) -> DMatrix<f64> {
+        let by_amount = DVector::from_column_slice(&point.porphyrin) * self.porphyrin.log_sd;
         let last = slopes.nrows();
         let mut slopes = slopes.clone().insert_row(last, 0.0);
-        (0..sd.len()).for_each(|datum| slopes[(last, datum)] = by_amount(datum));
+        slopes.set_row(last, &noise.solve_lower_triangular_unchecked(&by_amount).transpose());
         slopes
     }
 }
@@ -603,9 +612,18 @@ struct Bound {
     sd: Vec<f64>,
 }
 
-/// Slopes in standard deviations of the data, `[nuisance, datum]`: those of a datum lie side by side.
-fn in_sd(slopes: &DMatrix<f64>, sd: &[f64]) -> DMatrix<f64> {
-    DMatrix::from_fn(slopes.ncols(), slopes.nrows(), |nuisance, datum| slopes[(datum, nuisance)] / sd[datum])
+/// The covariance of data by their variances, or by all of its numbers.
+pub(super) fn covariance_of(variance: &[f64], data: usize) -> DMatrix<f64> {
+    if variance.len() == data * data {
+        DMatrix::from_column_slice(data, data, variance)
+    } else {
+        DMatrix::from_diagonal(&DVector::from_column_slice(variance))
+    }
+}
+
+/// Slopes of independent data of unit variance, `[nuisance, datum]`: those of a datum lie side by side.
+fn in_sd(slopes: &DMatrix<f64>, noise: &DMatrix<f64>) -> DMatrix<f64> {
+    noise.solve_lower_triangular_unchecked(slopes).transpose()
 }
 
 /// `J J^T + 1` from the columns of `J^T`.

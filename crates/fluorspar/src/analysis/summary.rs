@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::mixture_line::DETECTION_Z;
-use super::pixel_mean::mean_of_pixels;
+use super::pixel_mean::{PixelMean, rgb_mean};
 use super::{
     Analyte, ChannelNoise, ChannelStatistics, ChromaticityMap, CovarianceEllipse, DEFAULT_NOISE_THRESHOLD,
     ErrorBudget, ExclusionCounts, FluorophoreResponse, LineEstimate, MissingChannel, MixtureError,
@@ -99,6 +99,9 @@ pub struct RegionFraction {
     pub mean_rgb_dn: [f64; 3],
     /// Variance of that mean by the sensor's noise, DN².
     pub variance_dn2: [f64; 3],
+    /// Covariance of R, G and B by what rows and columns share, DN²; its diagonal is part of the variance.
+    #[serde(default)]
+    pub lines_dn2: [[f64; 3]; 3],
     /// Where it lies on the line.
     pub estimate: LineEstimate,
 }
@@ -311,7 +314,7 @@ pub(crate) fn analyze_pixels(
         let valid = |pixel| map.at(pixel).is_some();
         let estimates = PorphyrinMap::new(image, valid, selection, line, &settings.noise, reflected)?;
         let measured: Vec<usize> = map.measured(&selection.pixels).collect();
-        let mean = mean_of_pixels(image, &measured, &settings.noise, reflected)?;
+        let mean = rgb_mean(image, &measured, &settings.noise, reflected)?;
         let summary = summarize(line, &estimates, mean, statistics.ellipse.as_ref());
         warnings.extend(level_warnings(summary.region.as_ref(), image));
         of_line.extend(line_warnings(summary.region.as_ref(), &analyte));
@@ -442,7 +445,7 @@ fn predicted(model: &MixtureModel) -> Vec<PredictedFluorophore> {
 fn summarize(
     line: &MixtureLine,
     map: &PorphyrinMap,
-    mean: Option<[[f64; 3]; 2]>,
+    mean: Option<PixelMean>,
     ellipse: Option<&CovarianceEllipse>,
 ) -> MixtureSummary {
     let estimates: Vec<&LineEstimate> = map.estimates.iter().map(|(_, estimate)| estimate).collect();
@@ -452,9 +455,13 @@ fn summarize(
         bulk: line.bulk_point(),
         porphyrin: line.porphyrin_point(),
         length: line.length(),
-        region: mean.and_then(|[mean_rgb_dn, variance]| {
-            let estimate = line.project(mean_rgb_dn, variance)?;
-            Some(RegionFraction { mean_rgb_dn, variance_dn2: variance, estimate })
+        region: mean.and_then(|mean| {
+            let [mean_rgb_dn, variance_dn2] =
+                [&mean.dn, &mean.variance_dn2].map(|of| [0, 1, 2].map(|c| of[c]));
+            let lines_dn2 = [0, 1, 2].map(|row| [0, 1, 2].map(|col| mean.lines_dn2[(row, col)]));
+            let own = [0, 1, 2].map(|c| variance_dn2[c] - lines_dn2[c][c]);
+            let estimate = line.project_shared(mean_rgb_dn, own, lines_dn2)?;
+            Some(RegionFraction { mean_rgb_dn, variance_dn2, lines_dn2, estimate })
         }),
         fraction: statistics(|e| e.fraction),
         fraction_standard_error: statistics(|e| e.fraction_standard_error),

@@ -51,6 +51,8 @@ pub struct DesignCamera {
     pub dark_variance_e2: f64,
     /// The same of what a row or a column shares.
     pub line_variance_e2: f64,
+    /// Spread of the gains of columns, relative.
+    pub column_gain: f64,
     /// Dark current, e-/s.
     pub dark_e_per_s: f64,
     /// Photo-response non-uniformity, relative.
@@ -115,6 +117,9 @@ impl DesignCamera {
                 .zip(model.image_line_factors())
                 .map(|(of, factor)| of * factor)
                 .sum(),
+            column_gain: model.column_gain_percent
+                / 100.0
+                / model.binning.map_or(1.0, |b| b.columns as f64).sqrt(),
             dark_e_per_s: joined * model.dark_electrons_per_s(),
             prnu: model.image_prnu_percent() / 100.0,
             full_e,

@@ -90,7 +90,8 @@ impl DesignExposure<'_> {
         let spread = camera.prnu * mean_e;
         let of_pixel = mean_e + self.dark_electrons() + camera.dark_variance_e2 + spread * spread;
         let pixels = (pixels * camera.shares[channel]).max(1.0);
-        of_pixel / pixels + camera.line_variance_e2 / pixels.sqrt()
+        let of_line = camera.line_variance_e2 + (camera.column_gain * mean_e).powi(2);
+        of_pixel / pixels + of_line / pixels.sqrt()
     }
 }
 
@@ -224,8 +225,8 @@ impl RegionMerits {
     }
 }
 
-/// Pixels of a region as one channel records them, dark signal subtracted, e-: photon noise, noise of the readout, and the rounding
-/// of the converter, which is taken as a part of it.
+/// Pixels of a region as one channel records them, dark signal subtracted, e-: photon noise, noise of the readout and of rows, which all
+/// channels share, and the rounding of the converter, which is taken as a part of it.
 pub(super) fn sample_pixels(
     exposure: &DesignExposure<'_>,
     rates: &SignalRates,
@@ -235,12 +236,15 @@ pub(super) fn sample_pixels(
 ) -> Vec<f64> {
     let dark_e = exposure.dark_electrons();
     let mean_e = exposure.channel_electrons(channel, rates);
-    let read_e = (exposure.camera.dark_variance_e2 + exposure.camera.line_variance_e2).sqrt();
+    let [read_e, line_e] =
+        [exposure.camera.dark_variance_e2, exposure.camera.line_variance_e2].map(f64::sqrt);
+    let rows = (pixels as f64).sqrt().ceil() as usize;
+    let of_row = |row: u64| -> f64 { StandardNormal.sample(&mut key.with(u64::MAX - row).rng()) };
     let draw = |pixel: usize| {
         let mut rng = key.with(channel as u64).with(pixel as u64).rng();
         let shot = Poisson::new((mean_e + dark_e).max(1e-12)).map_or(mean_e + dark_e, |p| p.sample(&mut rng));
         let read: f64 = StandardNormal.sample(&mut rng);
-        shot - dark_e + read_e * read
+        shot - dark_e + read_e * read + line_e * of_row((pixel % rows) as u64)
     };
     (0..pixels).map(draw).collect()
 }
@@ -405,7 +409,11 @@ mod tests {
         assert!((plain.saturation * camera.full_e - 4300.0).abs() < 1e-9, "{plain:?}");
         camera.line_variance_e2 = 100.0;
         let variance = |merits: RegionMerits| (300.0 / merits.signal_to_noise[0][0]).powi(2);
-        assert!((variance(merits(&camera)) - variance(plain) - 1.0).abs() < 1e-9);
+        let variance_of_plain = variance(plain);
+        assert!((variance(merits(&camera)) - variance_of_plain - 1.0).abs() < 1e-9);
+        // 300 electrons at gains of 100 columns that spread by 5 %
+        (camera.line_variance_e2, camera.column_gain) = (0.0, 0.05);
+        assert!((variance(merits(&camera)) - variance_of_plain - 2.25).abs() < 1e-9);
     }
 
     /// People whose signals are independent normals of standard deviation 20 e- in both channels, shifted by 40 and 0: `d'` 2. Of 400

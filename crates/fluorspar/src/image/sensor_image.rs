@@ -265,6 +265,10 @@ pub struct CalibrationNoise {
     /// Mean variance of the flat field's factors in each channel, over their squares: the same in all frames.
     #[serde(default)]
     pub factor_variance: Vec<f64>,
+    /// Variance of what rows and columns share in one frame, over that of frames without calibration, of each raw value; empty where it is
+    /// the same.
+    #[serde(default)]
+    pub line_variance: Vec<f32>,
     /// Whether dark frames took out the pattern of dark signals.
     pub has_dark: bool,
     /// Whether frames of even light took out the pattern of responses.

@@ -245,6 +245,8 @@ pub struct CalibratedValues {
     pub dark_pattern_dn2: Vec<f64>,
     /// Mean of `factor_variance` in each channel.
     pub mean_factor_variance: Vec<f64>,
+    /// Variance of what lines share in one frame, over that of frames without calibration, of each value; empty where it is the same.
+    pub line_variance: Vec<f32>,
     /// Whether dark frames were subtracted.
     pub has_dark: bool,
 }
@@ -277,11 +279,16 @@ impl CalibratedValues {
             noise_dn * noise_dn / (frames + 1.0) + charge_dn2(dark, value) / frames
         };
         let dark_pattern = |value| dark.map_or(0.0, |dark| of_dark(dark, value, dark.frames.max(1) as f64));
+        // The mean of dark frames has lines of its own
+        let of_darks = 1.0 + dark.map_or(0.0, |dark| 1.0 / dark.frames.max(1) as f64);
         let of_flat = |value: usize| flat.map_or(0.0, |flat| f64::from(flat.factor_variance[value]));
         Some(Self {
             variance_dn2: values.iter().enumerate().map(variance).collect(),
             dark_pattern_dn2: mean_by_channel(raw, &|value| factor_of(value).powi(2) * dark_pattern(value)),
             mean_factor_variance: mean_by_channel(raw, &of_flat),
+            line_variance: (0..values.len())
+                .map(|value| (factor_of(value).powi(2) * of_darks) as f32)
+                .collect(),
             factor_variance: flat.map(|flat| flat.factor_variance.clone()).unwrap_or_default(),
             scale_variance: flat
                 .map_or_else(|| vec![0.0; raw.mosaic.channels.len()], |flat| flat.scale_variance.clone()),
@@ -297,6 +304,7 @@ impl CalibratedValues {
             scale_variance: vec![0.0; mosaic.channels.len()],
             dark_pattern_dn2: Vec::new(),
             mean_factor_variance: Vec::new(),
+            line_variance: Vec::new(),
             has_dark: false,
         }
     }
@@ -317,6 +325,7 @@ impl CalibratedValues {
             scale_variance: self.scale_variance.clone(),
             dark_pattern_dn2: self.dark_pattern_dn2.clone(),
             factor_variance: self.mean_factor_variance.clone(),
+            line_variance: self.line_variance.clone(),
             has_dark: self.has_dark,
             has_flat: !self.factor_variance.is_empty(),
         }
@@ -427,14 +436,22 @@ impl LinearMosaic {
         for (value, other) in self.values.iter_mut().zip(&ambient.values) {
             *value = (f64::from(*value) - scale * f64::from(*other)) as f32;
         }
+        let exposure_ratio = self.exposure_s / ambient.exposure_s;
         // One flat field scales both: its error is that of what is left
-        if let Some(other) = &ambient.calibration {
-            let none = || CalibratedValues::none(&self.mosaic, other.variance_dn2.len());
-            let own = &mut self.calibration.get_or_insert_with(none).variance_dn2;
+        if self.calibration.is_some() || ambient.calibration.is_some() {
+            let times = exposure_ratio * exposure_ratio;
+            let of_lines = |value| {
+                ((self.line_variance(value) + times * ambient.line_variance(value)) / (1.0 + times)) as f32
+            };
+            let line_variance = (0..self.values.len()).map(of_lines).collect();
+            let none = || CalibratedValues::none(&ambient.mosaic, ambient.values.len());
+            let own = self.calibration.get_or_insert_with(none);
+            own.line_variance = line_variance;
+            let others = ambient.calibration.iter().flat_map(|by| &by.variance_dn2);
             let scale = (scale * scale) as f32;
-            own.iter_mut().zip(&other.variance_dn2).for_each(|(own, other)| *own += scale * other);
+            own.variance_dn2.iter_mut().zip(others).for_each(|(own, other)| *own += scale * other);
         }
-        self.subtracted = Some((levels, self.exposure_s / ambient.exposure_s));
+        self.subtracted = Some((levels, exposure_ratio));
         self.saturated.iter_mut().zip(&ambient.saturated).for_each(|(own, other)| *own |= other);
         self.noise_floor_dn = self.noise_floor_dn.hypot(scale * ambient.noise_floor_dn);
         Ok(self)
@@ -458,6 +475,12 @@ impl LinearMosaic {
 }
 
 impl LinearMosaic {
+    /// Variance of what lines share of a value, over that without calibration.
+    fn line_variance(&self, value: usize) -> f64 {
+        let known = self.calibration.as_ref().and_then(|by| by.line_variance.get(value));
+        known.map_or(1.0, |variance| f64::from(*variance))
+    }
+
     /// The frame, where every pixel holds all channels: nothing is interpolated.
     fn with_all_channels(&self) -> ChannelImage {
         let channels = self.mosaic.channels.len().max(1);
@@ -540,6 +563,10 @@ pub fn merge_exposures<'a>(
         (variance_dn2 - floor_dn2 - first.dn_per_electron * value_dn.max(0.0)) as f32
     };
     let mut added_dn2 = vec![0.0f32; merged.values.len()];
+    let mut line_variance = vec![0.0f32; merged.values.len()];
+    let of_lines = |b: &Bracketed, pixel: usize| {
+        (b.dn_per_electron / first.dn_per_electron).powi(2) * b.frame.line_variance(pixel)
+    };
     let shortest = (0..bracket.len()).fold(0, |best, i| {
         let light = |i: usize| bracket[i].frame.dn_s_per_electron;
         if light(i) < light(best) { i } else { best }
@@ -559,26 +586,31 @@ pub fn merge_exposures<'a>(
             let variance_dn2 = least.dn_per_electron * value(least).max(0.0) + least.floor_dn2 + own;
             merged.values[pixel] = (value(least) * scale) as f32;
             *more_dn2 = more(scale * scale * variance_dn2, value(least) * scale);
+            line_variance[pixel] = (scale * scale * of_lines(least, pixel)) as f32;
             continue;
         }
         // Weight by inverse variance: shot noise of the common estimate, and the noise floor
         let electrons_per_s = (signal / light).max(0.0);
-        let (sum, weights, added) = usable().fold((0.0, 0.0, 0.0), |(sum, weights, added), b| {
+        let [sum, weights, added, lines] = usable().fold([0.0; 4], |[sum, weights, added, lines], b| {
             let shot_dn2 = b.dn_per_electron.powi(2) * electrons_per_s * b.exposure_s;
             let variance = (shot_dn2 + b.floor_dn2) / b.frame.dn_s_per_electron.powi(2);
             let weight = 1.0 / variance.max(f64::MIN_POSITIVE);
             let scaled = weight / b.frame.dn_s_per_electron;
             let own = b.frame.calibration.as_ref().map_or(0.0, |by| f64::from(by.variance_dn2[pixel]));
-            (sum + scaled * value(b), weights + weight, added + scaled * scaled * own)
+            let squared = scaled * scaled;
+            let lines = lines + squared * of_lines(b, pixel);
+            [sum + scaled * value(b), weights + weight, added + squared * own, lines]
         });
         let value_dn = reference * sum / weights;
         merged.values[pixel] = value_dn as f32;
         *more_dn2 = more((1.0 / weights + added / weights.powi(2)) * reference.powi(2), value_dn);
+        line_variance[pixel] = (lines * (reference / weights).powi(2)) as f32;
     }
     let own = merged.calibration.unwrap_or_else(|| CalibratedValues::none(&merged.mosaic, 0));
     let of_floor = floor_dn2 / first.floor_dn2.max(f64::MIN_POSITIVE);
     merged.calibration = Some(CalibratedValues {
         variance_dn2: added_dn2,
+        line_variance,
         dark_pattern_dn2: own.dark_pattern_dn2.iter().map(|dn2| of_floor * dn2).collect(),
         ..own
     });
@@ -587,7 +619,7 @@ pub fn merge_exposures<'a>(
     Ok(merged)
 }
 
-pub(super) fn noise_floor_dn(raw: &SensorImage) -> f64 {
+pub(crate) fn noise_floor_dn(raw: &SensorImage) -> f64 {
     raw.read_noise_dn.hypot(QUANTIZATION_NOISE_DN)
 }
 
@@ -805,7 +837,11 @@ mod tests {
         let ambient = merge_exposures(&[&bracket[0], &bracket[1]], |_| Ok(Development::default())).unwrap();
         let added = ambient.calibration.as_ref().unwrap().variance_dn2.clone();
         let left = Development::default().linearize(&frame).unwrap().without(&ambient).unwrap();
-        assert_eq!(left.calibration.unwrap().variance_dn2, added);
+        let left = left.calibration.unwrap();
+        assert_eq!(left.variance_dn2, added);
+        // Lines of one frame and what merging left of two, over those of two frames; dark frames add to them
+        assert!(left.line_variance.iter().all(|variance| (0.5..0.6).contains(variance)), "{left:?}");
+        assert!(image.calibration.unwrap().line_variance.iter().all(|variance| *variance == 2.0));
     }
 
     #[test]

@@ -93,6 +93,7 @@ pub use characterization::{
 pub use crosstalk::Crosstalk;
 pub use data_sheet::Emva1288;
 pub use demosaic::Demosaicing;
+pub(crate) use develop::noise_floor_dn;
 pub use develop::{DevelopError, Development, LinearMosaic, merge_exposures};
 pub use exposure::{EXPOSURE_MS, ElectronRate, Exposure, Sensor};
 pub use film_rates::FilmRates;

@@ -336,11 +336,15 @@ impl SensorModel {
 
     /// Standard deviation of the offsets of the raw image, in electrons of its pixels: each read has an offset.
     pub fn image_dsnu_electrons(&self) -> f64 {
-        let reads = match &self.binning {
+        self.dsnu_electrons() * self.image_reads().sqrt()
+    }
+
+    /// Reads of each pixel of the raw image.
+    pub(crate) fn image_reads(&self) -> f64 {
+        match &self.binning {
             Some(binning) if binning.kind != BinningKind::Charge => binning.pixels() as f64,
             _ => 1.0,
-        };
-        self.dsnu_electrons() * reads.sqrt()
+        }
     }
 
     /// Variance of a pixel of the raw image by what a row and a column share, over that of one read: joined digital numbers hold several

@@ -9,7 +9,7 @@ use fluorspar::sensor::{Demosaicing, Development};
 const SIZE: [usize; 2] = [16, 12];
 
 /// What rows and columns share, DN.
-const LINES: LineNoise = LineNoise { row_dn: 7.0, column_dn: 4.0, column_gain: 0.0 };
+const LINES: LineNoise = LineNoise { row_dn: 7.0, column_dn: 4.0, fixed_dn: [0.0; 2], column_gain: 0.0 };
 
 /// A frame of even light with Gaussian noise of variance 100 DN² and that of lines, and of nothing but a constant where `seed` is none.
 fn developed(seed: Option<u64>, how: Demosaicing) -> ChannelImage {

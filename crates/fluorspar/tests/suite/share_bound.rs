@@ -112,6 +112,26 @@ fn the_estimate_has_the_variance_of_the_bound() {
     assert!((ratio - 1.0).abs() < 0.2, "{ratio}");
 }
 
+/// Noise that goes with the light of all channels is brightness, of which next to nothing is known: the interval stays. As much in channels by
+/// themselves widens it.
+#[test]
+fn noise_that_channels_share_is_told_from_color() {
+    let family = family();
+    let Truth { electrons, .. } = truth(&family, Key::new(33));
+    let own = |i: usize| electrons[i] + 196.0;
+    let of = |i: usize, j: usize| {
+        0.05f64.powi(2) * electrons[i] * electrons[j] + if i == j { own(i) } else { 0.0 }
+    };
+    let shared: Vec<f64> = (0..9).map(|number| of(number / 3, number % 3)).collect();
+    let width = |variance: &[f64]| {
+        let [low, high] = family.share_interval(&electrons, variance).unwrap().interval;
+        high - low
+    };
+    let [alone, unshared] = [(0..3).map(own).collect::<Vec<f64>>(), (0..3).map(|i| of(i, i)).collect()];
+    assert!((width(&shared) / width(&alone) - 1.0).abs() < 0.02, "{} {}", width(&shared), width(&alone));
+    assert!(width(&unshared) > 1.1 * width(&alone), "{} {}", width(&unshared), width(&alone));
+}
+
 /// Repeated measurements of one tissue: their scatter over the bound for noise alone, for four tissues with 600 measurements each,
 /// whose variances are known to 0.08; the mean of four to 0.04.
 #[test]

@@ -16,12 +16,22 @@ fn remaining_drive(frame: &CaptureFrame, subtracted: Option<&CaptureFrame>, grou
     (frame.drive(group) - subtracted.map_or(0.0, |other| other.drive(group))).max(0.0)
 }
 
+/// A frame with the drives that remain of its lights, see [`remaining_drive`].
+pub(crate) fn less_subtracted(study: &Study, capture: &Capture) -> CaptureFrame {
+    let subtracted = capture.subtract.as_ref().and_then(|label| study.capture(label)).map(|c| &c.frame);
+    let mut frame = capture.frame.clone();
+    for (group, drive) in &mut frame.lights {
+        *drive = remaining_drive(&capture.frame, subtracted, group);
+    }
+    frame
+}
+
 /// Mean irradiance spectrum on surface points under the lights that a developed frame holds, W/(m² nm); `None` when
 /// none of them sends light there.
 pub(crate) fn irradiance_on(study: &Study, capture: &Capture, points: &[OrientedPoint]) -> Option<Curve> {
     let scene = &study.scene;
-    let subtracted = capture.subtract.as_ref().and_then(|label| study.capture(label)).map(|c| &c.frame);
-    let drive = |group: usize| remaining_drive(&capture.frame, subtracted, &scene.light_groups[group].name);
+    let remaining = less_subtracted(study, capture);
+    let drive = |group: usize| remaining.drive(&scene.light_groups[group].name);
     let parts = direct_irradiance(scene, points)
         .into_iter()
         .map(|part| (part.spectrum, part.factor * drive(part.group)))

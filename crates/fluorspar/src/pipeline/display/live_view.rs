@@ -4,7 +4,7 @@ use super::preview::{ColorRendering, preview_white};
 use crate::image::{Component, LightPath};
 use crate::pipeline::{CapturedFrame, PipelineError, SeenComponents};
 use crate::sensor::{ElectronRate, Sensor, SensorMode};
-use crate::study::{Capture, Study};
+use crate::study::{AnalysisPlan, Capture, Study};
 
 /// Frames of a study, in blocks of pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,7 +67,8 @@ pub struct LiveCapture {
 /// Largest number of pixels, and of values of all planes.
 const MOST_PIXELS: usize = 160 * 120;
 const MOST_VALUES: usize = 1 << 20;
-/// Share of the light of a group from which on a fluorophore has planes of its own. One whose share is estimated has them in any case.
+/// Share of the light of a group from which on a fluorophore has planes of its own. One whose share is estimated, or which is not of the bulk
+/// beside it, has them in any case.
 const LEAST_SHARE: f64 = 1e-3;
 
 /// Light that has planes of its own.
@@ -153,7 +154,14 @@ fn parts(
     groups: &[String],
 ) -> Result<Vec<Part>, PipelineError> {
     let plans = || study.analysis.iter().chain(study.regions.iter().map(|region| &region.analysis));
-    let is_sought = |name: &str| plans().any(|plan| plan.porphyrin.as_deref() == Some(name));
+    // Porphyrin, and what may be taken for it
+    let is_in_bulk = |plan: &AnalysisPlan, name: &str| plan.bulk.iter().any(|(of, _)| of == name);
+    let is_sought = |name: &str| {
+        let is_known = |plan: &AnalysisPlan| plan.fluorophores.iter().any(|of| of.name == name);
+        plans().any(|plan| {
+            plan.porphyrin.as_deref() == Some(name) || (is_known(plan) && !is_in_bulk(plan, name))
+        })
+    };
     let mut parts: Vec<Part> = Vec::new();
     for response in 0..seen.planes.planes.len() {
         let first = seen.planes.of_capture.iter().position(|of| *of == response).unwrap_or(0);

@@ -133,8 +133,7 @@ fn analyzed(
     let frame = frames.iter().find(|f| f.raw.label == settings.frame).ok_or_else(no_frame)?;
     let capture = study.capture(&settings.frame).ok_or_else(no_frame)?;
 
-    let k = frame.raw.dn_per_electron;
-    let noise = noise_of(&frame.developed, k, sensor);
+    let noise = noise_of(&frame.developed, &frame.raw, sensor);
     let analysis_settings =
         AnalysisSettings { region: settings.region(), noise, noise_threshold: settings.noise_threshold };
     let image = &frame.developed;
@@ -183,7 +182,7 @@ fn analyzed(
         analysis.signals = Some(signals);
     }
     let families = families?;
-    let estimate = families.as_ref().and_then(|families| families.estimate(frames, noise, &measured));
+    let estimate = families.as_ref().and_then(|families| families.estimate(frames, &measured));
     if let Some(estimate) = &estimate {
         analysis.warnings.extend(estimate.warnings(&analysis.analyte));
         let known = families.as_ref().zip(analysis.truth.as_ref());
@@ -261,12 +260,13 @@ fn budget(
     region: &PixelSelection,
     noise: ChannelNoise,
 ) -> Option<ErrorBudget> {
-    let RegionFraction { mean_rgb_dn, variance_dn2, .. } = analysis.mixture.as_ref()?.region?;
+    let RegionFraction { mean_rgb_dn, variance_dn2, lines_dn2, .. } = analysis.mixture.as_ref()?.region?;
     ErrorBudget::new(&BudgetInput {
         line: &model.line().ok()?,
         direct_line: &model.direct_line().ok()?,
         mean_rgb_dn,
-        variance_dn2,
+        variance_dn2: [0, 1, 2].map(|c| variance_dn2[c] - lines_dn2[c][c]),
+        lines_dn2,
         subtracted: subtracted_mean(image, chromaticity, region),
         noise,
         inner_rgb_dn: inner_mean(image, chromaticity, region),

@@ -46,7 +46,7 @@ pub(super) fn channel_analysis(measured: &Measured<'_>) -> Result<SignalSummary,
             continue;
         }
         let k = frame.raw.dn_per_electron;
-        let noise = noise_of(&frame.developed, k, sensor);
+        let noise = noise_of(&frame.developed, &frame.raw, sensor);
         let of_frame = [k, sensor.light_s(frame.raw.exposure_s)];
         summary.signals.extend(ChannelSignal::of_frame(&frame.developed, region, &noise, of_frame));
     }

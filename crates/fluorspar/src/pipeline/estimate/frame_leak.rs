@@ -10,7 +10,7 @@ use crate::analysis::PixelSelection;
 use crate::image::{Component, ComponentImage, LightPath};
 use crate::pipeline::PipelineError;
 use crate::pipeline::capture::SeenComponents;
-use crate::pipeline::capture::direct_light::group_spectrum;
+use crate::pipeline::capture::direct_light::{group_spectrum, less_subtracted};
 use crate::pipeline::capture::film_irradiance::on_sensor;
 use crate::spectral::{Curve, Transmittance};
 use crate::study::{Capture, Study};
@@ -62,7 +62,7 @@ impl FrameLeak {
 
 /// Splits the expected electrons of a frame by whether their light fluoresced: through lens, filters and sensor as
 /// [`crate::pipeline::capture()`] does it, without noise and at rest. Means are over `region`, pixels of the developed frame, or over
-/// the whole sensor.
+/// the whole sensor. Light of a frame that is subtracted is none of this one: room light is no leak where an ambient frame takes it away.
 ///
 /// `components` holds the spectra of what is `seen`. `None` for a study without sensor and for a frame without light.
 ///
@@ -77,7 +77,8 @@ pub fn frame_leak(
     region: Option<&PixelSelection>,
 ) -> Result<Option<FrameLeak>, PipelineError> {
     let Some(sensor) = &study.camera.sensor else { return Ok(None) };
-    if capture.frame.lights.values().all(|&drive| drive == 0.0) {
+    let frame = less_subtracted(study, capture);
+    if frame.lights.values().all(|&drive| drive == 0.0) {
         return Ok(None);
     }
     let names: Vec<String> = sensor.qe().channels().iter().map(|channel| channel.name.clone()).collect();
@@ -87,7 +88,7 @@ pub fn frame_leak(
     let mut means = vec![[0.0_f64; 2]; names.len()];
     for (kind, is_reflected) in [true, false].into_iter().enumerate() {
         let drive = |c: &Component| match (c.light == LightPath::Reflected) == is_reflected {
-            true => capture.frame.drive(&c.light_group),
+            true => frame.drive(&c.light_group),
             false => 0.0,
         };
         let rates = sensor.electron_rate_of(&seen.film_rates(capture, drive), seen.planes.film)?;
@@ -107,7 +108,7 @@ pub fn frame_leak(
         }
         None => (0..components.width * components.height).collect(),
     };
-    let radiance = RegionRadiance::new(components, &capture.frame, &scene_pixels);
+    let radiance = RegionRadiance::new(components, &frame, &scene_pixels);
     let mut leak = FrameLeak {
         frame: capture.frame.label.clone(),
         exposure_s,

@@ -7,11 +7,11 @@ use glam::{Vec2, Vec3};
 use crate::analysis::{
     AnalysisError, ChannelNoise, LineNoise, PixelSelection, RenderNoise, SceneOnSensor, TargetDetection,
 };
-use crate::image::{CalibrationNoise, ChannelImage};
+use crate::image::{CalibrationNoise, ChannelImage, SensorImage};
 use crate::material::ImageTexture;
 use crate::pipeline::PipelineError;
 use crate::pipeline::capture::{CapturedFrame, SeenComponents};
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, SensorMode, noise_floor_dn};
 use crate::study::{AnalysisPlan, Capture, Study, Target, TargetPlace};
 use crate::warning::Warning;
 
@@ -36,9 +36,9 @@ const WIDEST_RING_PX: usize = 400;
 /// Share of a spot from which a pixel belongs to it.
 const HALF: f32 = 0.5;
 
-/// Noise of the channels of a developed frame.
-pub fn noise_of(image: &ChannelImage, dn_per_electron: f64, sensor: &Sensor) -> ChannelNoise {
-    let model = sensor.model();
+/// Noise of the channels of a developed frame, from its first raw frame.
+pub fn noise_of(image: &ChannelImage, raw: &SensorImage, sensor: &Sensor) -> ChannelNoise {
+    let (model, dn_per_electron) = (sensor.model(), raw.dn_per_electron);
     // A flat field takes the spread of the pixels' response out, dark frames that of their dark signal.
     let is_calibrated = |by: fn(&CalibrationNoise) -> bool| image.calibration.as_ref().is_some_and(by);
     let prnu = if is_calibrated(|by| by.has_flat) { 0.0 } else { model.image_prnu_percent() / 100.0 };
@@ -50,19 +50,26 @@ pub fn noise_of(image: &ChannelImage, dn_per_electron: f64, sensor: &Sensor) -> 
         .as_ref()
         .map_or((1.0, 1.0), |light| (light.exposure_ratio.hypot(1.0), (1.0 - light.exposure_ratio).abs()));
     let left = if is_calibrated(|by| by.has_dark) { 0.0 } else { left };
+    let noise = ChannelNoise::of_image(image, dn_per_electron, prnu, dsnu);
+    if !matches!(model.mode, SensorMode::Physical | SensorMode::Isetcam { noise_flag: 2 }) {
+        return noise;
+    }
     let [of_rows, of_columns] = model.image_line_factors().map(f64::sqrt);
-    let line_dn = |noise_mv: f64, offset_mv: f64| {
-        dn_per_electron
-            * model.electrons_of_mv(again * noise_mv).hypot(model.electrons_of_mv(left * offset_mv))
-    };
+    let dn = |mv: f64| dn_per_electron * model.electrons_of_mv(mv);
     let joined_columns = model.binning.map_or(1.0, |binning| binning.columns as f64);
     let gain = if is_calibrated(|by| by.has_flat) { 0.0 } else { model.column_gain_percent / 100.0 };
     let lines = LineNoise {
-        row_dn: of_rows * line_dn(model.row_noise_mv, model.row_offset_mv),
-        column_dn: of_columns * line_dn(model.column_noise_mv, model.column_offset_mv),
+        row_dn: again * of_rows * dn(model.row_noise_mv),
+        column_dn: again * of_columns * dn(model.column_noise_mv),
+        fixed_dn: [of_rows * dn(model.row_offset_mv), of_columns * dn(model.column_offset_mv)]
+            .map(|dn| left * dn),
         column_gain: gain / joined_columns.sqrt(),
     };
-    ChannelNoise { lines, ..ChannelNoise::of_image(image, dn_per_electron, prnu, dsnu) }
+    // The floor counts each read of a line as one of its pixel alone: what else is in it
+    let of_lines_dn2 = model.image_reads() * dn(model.row_noise_mv.hypot(model.column_noise_mv)).powi(2);
+    let share = (of_lines_dn2 / noise_floor_dn(raw).powi(2)).min(1.0);
+    let floor_dn = (noise.floor_dn.powi(2) - share * image.noise_floor_dn.powi(2)).max(0.0).sqrt();
+    ChannelNoise { floor_dn, lines, ..noise }
 }
 
 /// What the frames tell of the targets of a study.
@@ -111,7 +118,7 @@ pub(super) fn measured_targets(
         let mm_per_px = mm_per_pixel(study, sensor, &pixels, scene);
         for frame in &lit {
             let image = &frame.developed;
-            let noise = noise_of(image, frame.raw.dn_per_electron, sensor);
+            let noise = noise_of(image, &frame.raw, sensor);
             let places = [&pixels, &background];
             let render = components.zip(scene).and_then(|(components, scene)| {
                 render_noise(study, sensor, components, scene, frame, places)

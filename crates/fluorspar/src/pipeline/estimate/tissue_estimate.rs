@@ -2,18 +2,21 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::frame_light::frame_light;
 use super::region_signal::CameraResponse;
+use super::targets::noise_of;
 use super::tissue_family::{FamilyFrame, other_tissue_families, tissue_family};
 use crate::analysis::{
-    ChannelNoise, FamilyAverage, LightFamily, NuisanceGroup, PixelMean, PixelSelection, RegionBlock,
-    RegionLight, SceneOnSensor, SharePosterior, block_side_px,
+    FamilyAverage, LightFamily, NuisanceGroup, PixelMean, PixelSelection, RegionBlock, RegionLight,
+    SceneOnSensor, SharePosterior, block_side_px,
 };
 use crate::pipeline::PipelineError;
 use crate::pipeline::capture::CapturedFrame;
 use crate::pipeline::capture::film_irradiance::behind_filter;
+use crate::sensor::Sensor;
 use crate::spectral::Curve;
 use crate::study::{AnalysisPlan, Capture, Study};
 use crate::warning::Warning;
@@ -27,13 +30,14 @@ pub(super) struct FamiliesOfFrames<'a> {
     named: LightFamily,
     others: Vec<LightFamily>,
     settings: &'a AnalysisPlan,
+    sensor: &'a Sensor,
     probability_of_named: f64,
 }
 
 impl<'a> FamiliesOfFrames<'a> {
     /// The families of a study; `None` without a prior, a camera or light.
     pub(super) fn new(
-        study: &Study,
+        study: &'a Study,
         settings: &'a AnalysisPlan,
         frames: &[CapturedFrame],
         scene: Option<(SceneOnSensor<'_>, &PixelSelection)>,
@@ -61,7 +65,15 @@ impl<'a> FamiliesOfFrames<'a> {
         let named = tissue_family(prior, &family_frames, grid)?;
         let others = other_tissue_families(prior, &family_frames, grid)?;
         let probability_of_named = prior.site_probability;
-        Ok(Some(Self { frames: family_frames, levels, named, others, settings, probability_of_named }))
+        Ok(Some(Self {
+            frames: family_frames,
+            levels,
+            named,
+            others,
+            settings,
+            sensor,
+            probability_of_named,
+        }))
     }
 
     /// The estimate from all channels that see light, by their means over the pixels of a region that no frame saturates; `None` where
@@ -69,27 +81,22 @@ impl<'a> FamiliesOfFrames<'a> {
     pub(super) fn estimate(
         &self,
         frames: &[CapturedFrame],
-        noise: ChannelNoise,
         region: &PixelSelection,
     ) -> Option<SharePosterior> {
-        let (mut electrons, mut variance) = (Vec::new(), Vec::new());
-        for ((label, of_family), level) in labels(self.settings).zip(&self.frames).zip(&self.levels) {
-            let frame = frames.iter().find(|frame| frame.raw.label == *label)?;
-            let (image, k) = (&frame.developed, frame.raw.dn_per_electron * level);
-            let noise = noise_of_frame(noise, frame);
+        let find = |label: &String| frames.iter().find(|frame| frame.raw.label == *label);
+        let frames: Vec<&CapturedFrame> = labels(self.settings).map(find).collect::<Option<_>>()?;
+        let usable = |CapturedFrame { developed: image, .. }: &CapturedFrame| -> Vec<usize> {
             let same_size = image.width == region.width && image.height == region.height;
             let usable = |pixel: &usize| same_size && !image.saturated[*pixel];
-            let pixels: Vec<usize> = region.pixels.iter().copied().filter(usable).collect();
-            let mean = PixelMean::new(image, &of_family.channels, &pixels, &noise)?;
-            electrons.extend(mean.dn.iter().map(|dn| dn / k));
-            variance.extend(mean.variance_dn2.iter().map(|dn2| dn2 / (k * k)));
-        }
+            region.pixels.iter().copied().filter(usable).collect()
+        };
+        let [electrons, variance] = self.means(&frames, &usable)?;
         let average = FamilyAverage {
             named: &self.named,
             others: &self.others,
             probability_of_named: self.probability_of_named,
         };
-        let (blocks, side_px) = self.blocks(frames, noise, region).unwrap_or_default();
+        let (blocks, side_px) = self.blocks(&frames, region).unwrap_or_default();
         average.posterior_of_blocks(&electrons, &variance, &blocks, side_px)
     }
 
@@ -118,15 +125,31 @@ impl<'a> FamiliesOfFrames<'a> {
         .collect()
     }
 
+    /// Mean electrons of each datum over some pixels of its frame, and their covariance: frames have noise of their own.
+    fn means(
+        &self,
+        frames: &[&CapturedFrame],
+        pixels: &dyn Fn(&CapturedFrame) -> Vec<usize>,
+    ) -> Option<[Vec<f64>; 2]> {
+        let (mut electrons, mut covariance) = (Vec::new(), DMatrix::zeros(0, 0));
+        for ((frame, of_family), level) in frames.iter().zip(&self.frames).zip(&self.levels) {
+            let (image, k) = (&frame.developed, frame.raw.dn_per_electron * level);
+            let noise = noise_of(image, &frame.raw, self.sensor);
+            let mean = PixelMean::new(image, &of_family.channels, &pixels(frame), &noise)?;
+            let (first, count) = (electrons.len(), mean.dn.len());
+            electrons.extend(mean.dn.iter().map(|dn| dn / k));
+            covariance = covariance.resize(first + count, first + count, 0.0);
+            covariance.view_mut((first, first), (count, count)).copy_from(&(mean.covariance_dn2() / (k * k)));
+        }
+        Some([electrons, covariance.iter().copied().collect()])
+    }
+
     /// Squares that lie in the region for more than half, with the means of all frames, and their side in pixels.
     fn blocks(
         &self,
-        frames: &[CapturedFrame],
-        noise: ChannelNoise,
+        frames: &[&CapturedFrame],
         region: &PixelSelection,
     ) -> Option<(Vec<RegionBlock>, usize)> {
-        let find = |label: &String| frames.iter().find(|frame| frame.raw.label == *label);
-        let frames: Vec<&CapturedFrame> = labels(self.settings).map(find).collect::<Option<_>>()?;
         let fits = |frame: &&CapturedFrame| {
             [frame.developed.width, frame.developed.height] == [region.width, region.height]
         };
@@ -144,17 +167,13 @@ impl<'a> FamiliesOfFrames<'a> {
         let found: Vec<([usize; 2], Vec<usize>)> =
             squares.into_iter().filter(|(_, pixels)| 2 * pixels.len() > side * side).collect();
         let block = |([row, col], pixels): &([usize; 2], Vec<usize>)| {
-            let corner_px = [col * side, row * side];
-            let (electrons, variance) = (Vec::new(), Vec::new());
-            let mut block = RegionBlock { corner_px, pixels: pixels.len(), electrons, variance };
-            for ((frame, of_family), level) in frames.iter().zip(&self.frames).zip(&self.levels) {
-                let k = frame.raw.dn_per_electron * level;
-                let noise = noise_of_frame(noise, frame);
-                let mean = PixelMean::new(&frame.developed, &of_family.channels, pixels, &noise)?;
-                block.electrons.extend(mean.dn.iter().map(|dn| dn / k));
-                block.variance.extend(mean.variance_dn2.iter().map(|dn2| dn2 / (k * k)));
-            }
-            Some(block)
+            let [electrons, variance] = self.means(frames, &|_| pixels.clone())?;
+            Some(RegionBlock {
+                corner_px: [col * side, row * side],
+                pixels: pixels.len(),
+                electrons,
+                variance,
+            })
         };
         Some((found.par_iter().filter_map(block).collect(), side))
     }
@@ -168,12 +187,6 @@ fn at_unit_level(irradiance: &Curve) -> (f64, Curve) {
     let level = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let rounded = |value: f64| f64::from_bits((value.to_bits() + LAST_DIGITS / 2) & !LAST_DIGITS);
     (level, irradiance.scaled(level.recip()).mapped(rounded))
-}
-
-/// The noise of a developed frame.
-fn noise_of_frame(noise: ChannelNoise, frame: &CapturedFrame) -> ChannelNoise {
-    let floor_dn = frame.developed.noise_floor_dn.max(noise.floor_dn);
-    ChannelNoise { dn_per_electron: frame.raw.dn_per_electron, floor_dn, ..noise }
 }
 
 /// A captured frame and its capture.
