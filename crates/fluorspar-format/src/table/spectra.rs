@@ -702,8 +702,9 @@ impl SpectrumReader<'_> {
         let first = words.next().unwrap_or_default();
         let states =
             |word: &str| ["t", "r"].contains(&word) || word.starts_with("trans") || word.starts_with("refl");
-        // Beside B an A is the name of a sample
-        let is_sample = first == "a" && self.headers().iter().any(|other| other.eq_ignore_ascii_case("b"));
+        // Beside B an A is the name of a sample, as any a is
+        let is_sample = first == "a"
+            && (self.headers()[column].starts_with('a') || self.headers().iter().any(|other| other == "B"));
         let is_asked =
             self.options.quantity == SpectrumQuantity::Fraction && !is_sample && !words.any(states);
         match OTHERS.iter().find(|other| is_asked && first == **other) {
