@@ -83,7 +83,8 @@ fn planes_equal_the_chain_behind_every_lens() {
         let image = run(&study.scene, &study.render);
         let sensor = study.camera.sensor.clone().unwrap();
         let difference = largest_difference(&study, &image, &sensor);
-        // What rings at edges is cut plane by plane, or band by band
+        // What rings at edges is cut plane by plane, or band by band, which is no linear step: found 1.7e-4 here, where parts of the light
+        // have edges of their own
         let tolerance = if lens == SPREAD { 1e-3 } else { TOLERANCE };
         failures.extend((difference >= tolerance).then(|| format!("{name}: {difference:e}")));
     }

@@ -282,7 +282,7 @@ pub(crate) fn find_table(text: &str) -> Option<TextTable> {
     let (header_line, header, used) = found.unwrap_or_else(|| (first_line, vec![String::new(); width], 0));
     let comments = |lines: &[(u64, &str)]| lines.iter().filter(|(_, line)| line.starts_with('#')).count();
     let left_out = (above.len() - comments(&above)).saturating_sub(used) + held.len() - region.end;
-    let mixed = if form.has_decimal_commas { mixed_commas(&held, &cells, region.clone()) } else { None };
+    let mixed = form.has_decimal_commas.then(|| mixed_commas(form, &held, &cells, region.clone())).flatten();
     let rows = region.map(|place| {
         let mut row: Vec<String> = cells[place].iter().map(|cell| form.plain(cell)).collect();
         row.resize(row.len().max(width), String::new());
@@ -304,6 +304,7 @@ pub(crate) fn find_table(text: &str) -> Option<TextTable> {
 
 /// Line and text of a cell with a comma in a column that has a cell with a point, and that one.
 fn mixed_commas(
+    form: Form,
     held: &[(u64, &str)],
     cells: &[Vec<&str>],
     rows: std::ops::Range<usize>,
@@ -312,8 +313,8 @@ fn mixed_commas(
     (0..width).find_map(|column| {
         let with = |mark: char| {
             let mut places = rows.clone();
-            let place =
-                places.find(|place| cells[*place].get(column).is_some_and(|cell| cell.contains(mark)))?;
+            let is_such = |cell: &&str| cell.contains(mark) && form.number(cell).is_some();
+            let place = places.find(|place| cells[*place].get(column).is_some_and(is_such))?;
             Some((held[place].0, cells[place][column].to_owned()))
         };
         with(',').zip(with('.')).map(|((line, cell), (_, other))| (line, cell, other))
