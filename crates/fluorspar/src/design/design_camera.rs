@@ -117,9 +117,7 @@ impl DesignCamera {
                 .zip(model.image_line_factors())
                 .map(|(of, factor)| of * factor)
                 .sum(),
-            column_gain: model.column_gain_percent
-                / 100.0
-                / model.binning.map_or(1.0, |b| b.columns as f64).sqrt(),
+            column_gain: model.image_column_gain(),
             dark_e_per_s: joined * model.dark_electrons_per_s(),
             prnu: model.image_prnu_percent() / 100.0,
             full_e,
@@ -195,6 +193,7 @@ mod tests {
                 analog_offset_mv,
                 row_noise_mv,
                 column_noise_mv,
+                column_gain_percent: 0.5,
                 ..Default::default()
             };
             let qe = SpectralQe::from_curves([("mono", Curve::constant(0.6))]).unwrap();
@@ -206,10 +205,10 @@ mod tests {
         let taken_e = plain.full_e - camera(None, 10.0).full_e;
         assert!((taken_e / SensorModel::default().electrons_of_mv(10.0) - 1.0).abs() < 1e-9, "{taken_e}");
         // Two reads of a row are in its sum: their common noise counts twice
-        for (kind, reads, lines) in [
-            (BinningKind::Charge, 1.0, 1.0),
-            (BinningKind::DigitalSum, 4.0, 8.0),
-            (BinningKind::DigitalAverage, 4.0, 8.0),
+        for (kind, reads, lines, column_gain) in [
+            (BinningKind::Charge, 1.0, 1.0, 1.0),
+            (BinningKind::DigitalSum, 4.0, 8.0, 0.5f64.sqrt()),
+            (BinningKind::DigitalAverage, 4.0, 8.0, 0.5f64.sqrt()),
         ] {
             let joined = camera(Some(kind), 0.0);
             let near = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-12, "{kind:?}: {a} {b}");
@@ -218,6 +217,7 @@ mod tests {
             near(joined.dark_variance_e2, reads * plain.dark_variance_e2);
             near(joined.line_variance_e2, lines * plain.line_variance_e2);
             near(joined.prnu, 0.5 * plain.prnu);
+            near(joined.column_gain, column_gain * plain.column_gain);
             assert!(joined.full_e <= 4.0 * plain.full_e && joined.full_e >= plain.full_e, "{kind:?}");
         }
     }

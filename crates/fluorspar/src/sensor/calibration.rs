@@ -755,6 +755,7 @@ mod tests {
             dark: Some(&dark),
             flat: Some(&correction),
             bad_pixels: Some(&bad),
+            ..Development::default()
         };
         let corrected = development.linearize(&raw).unwrap();
         let spread = |frame: &LinearMosaic| {

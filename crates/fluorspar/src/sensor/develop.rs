@@ -194,6 +194,8 @@ pub struct Development<'a> {
     pub demosaicing: Demosaicing,
     /// Mean of dark frames of the same exposure and gain, subtracted in place of the black level.
     pub dark: Option<&'a MasterFrame>,
+    /// Whether the frame that will be subtracted has the same dark frames, whose noise then cancels.
+    pub is_dark_shared: bool,
     /// Response of each pixel to even light, divided out.
     pub flat: Option<&'a FlatField>,
     /// Pixels to be replaced by the mean of their nearest good neighbors of the same color.
@@ -261,13 +263,13 @@ impl CalibratedValues {
         }
         let k = raw.dn_per_electron;
         let charge_dn2 = |dark: &MasterFrame, value: usize| charge_noise_dn2(dark, raw, value);
+        let frames = development.dark_frames();
         let factor_of = |value: usize| match flat {
             Some(flat) => f64::from(flat.gain[value]),
             None => raw.factors.get(value).map_or(1.0, |factor| f64::from(*factor)),
         };
         let variance = |(value, &dn): (usize, &f32)| {
-            let of_charge =
-                dark.map_or(0.0, |dark| charge_dn2(dark, value) * (1.0 + 1.0 / dark.frames.max(1) as f64));
+            let of_charge = dark.map_or(0.0, |dark| charge_dn2(dark, value) * (1.0 + 1.0 / frames));
             let factor = factor_of(value);
             let shot = k * f64::from(dn).max(0.0);
             ((factor * factor - 1.0) * noise_dn * noise_dn
@@ -275,12 +277,12 @@ impl CalibratedValues {
                 + factor * factor * of_charge) as f32
         };
         // `noise_dn` holds that of the frame and, over their number, that of the dark frames
-        let of_dark = |dark: &MasterFrame, value: usize, frames: f64| {
+        let of_dark = |dark: &MasterFrame, value: usize| {
             noise_dn * noise_dn / (frames + 1.0) + charge_dn2(dark, value) / frames
         };
-        let dark_pattern = |value| dark.map_or(0.0, |dark| of_dark(dark, value, dark.frames.max(1) as f64));
+        let dark_pattern = |value| dark.map_or(0.0, |dark| of_dark(dark, value));
         // The mean of dark frames has lines of its own
-        let of_darks = 1.0 + dark.map_or(0.0, |dark| 1.0 / dark.frames.max(1) as f64);
+        let of_darks = 1.0 + dark.map_or(0.0, |_| 1.0 / frames);
         let of_flat = |value: usize| flat.map_or(0.0, |flat| f64::from(flat.factor_variance[value]));
         Some(Self {
             variance_dn2: values.iter().enumerate().map(variance).collect(),
@@ -352,6 +354,14 @@ fn mean_by_channel(raw: &SensorImage, of: &dyn Fn(usize) -> f64) -> Vec<f64> {
 const LIT_SHARE: f64 = 0.01;
 
 impl Development<'_> {
+    /// Dark frames whose noise the mean of them has.
+    fn dark_frames(&self) -> f64 {
+        match self.dark {
+            Some(dark) if !self.is_dark_shared => dark.frames.max(1) as f64,
+            _ => f64::INFINITY,
+        }
+    }
+
     /// A raw frame in linear digital numbers: minus dark frame or black level, divided by the flat field or else times the factors of
     /// its file, bad pixels replaced.
     ///
@@ -382,7 +392,7 @@ impl Development<'_> {
                     black_offsets: &raw.black_offsets,
                 })?;
                 // The mean of n dark frames has noise of its own.
-                noise_dn *= (1.0 + 1.0 / dark.frames.max(1) as f64).sqrt();
+                noise_dn *= (1.0 + 1.0 / self.dark_frames()).sqrt();
                 let left: Vec<f32> =
                     raw.data.iter().zip(&levels).map(|(&dn, dark)| f32::from(dn) - dark).collect();
                 let mean = left.iter().map(|dn| f64::from(*dn)).sum::<f64>() / left.len().max(1) as f64;

@@ -358,6 +358,16 @@ impl SensorModel {
         }
     }
 
+    /// Standard deviation of the gain of a column of the raw image: joined charge is read by one column, joined digital numbers by each of
+    /// theirs.
+    pub fn image_column_gain(&self) -> f64 {
+        let reads = match &self.binning {
+            Some(binning) if binning.kind != BinningKind::Charge => binning.columns as f64,
+            _ => 1.0,
+        };
+        self.column_gain_percent / 100.0 / reads.sqrt()
+    }
+
     /// The model with its data sheet, if it has one, written into its own fields.
     ///
     /// # Errors

@@ -157,6 +157,7 @@ impl Calibration {
         Ok(Development {
             demosaicing: self.demosaicing,
             dark,
+            is_dark_shared: false,
             flat: self.flat.as_ref(),
             bad_pixels: self.bad_pixels.as_ref(),
         })
@@ -294,6 +295,7 @@ fn flats(study: &Study, sensor: &Sensor, plan: &FlatFieldPlan) -> Result<MasterF
 
 #[cfg(test)]
 mod tests {
+    use super::super::captured_frame::{RawExposures, with_shared_dark};
     use super::*;
     use crate::image::Mosaic;
 
@@ -353,6 +355,30 @@ mod tests {
         assert!(remarks[0].contains("flat frame \"flat\": its black level is subtracted"), "{remarks:?}");
         let remarks = with(vec![raw("dark", 0.5, 264), raw("odd", 0.03, 264)], flat()).remarks([&frame]);
         assert_eq!(remarks.unwrap(), Vec::<String>::new());
+    }
+
+    /// The noise of one dark frame cancels where both frames of a difference have it: the stated noise is that without dark frames, but for
+    /// the shot noise of the dark charge, 0.5 DN per electron times 200 DN in each.
+    #[test]
+    fn noise_of_dark_frames_that_a_difference_shares_cancels() {
+        let frames = [raw("blue", 0.5, 1000), raw("ambient", 0.5, 300)]
+            .map(|raw| RawExposures { raw, bracket: Vec::new() });
+        let of = |calibration: &Calibration| {
+            let [frame, ambient] =
+                with_shared_dark([&frames[0], &frames[1]], calibration).unwrap().unwrap_or_else(|| {
+                    frames
+                        .each_ref()
+                        .map(|f| calibration.development(&f.raw).unwrap().linearize(&f.raw).unwrap())
+                });
+            frame.without(&ambient).unwrap()
+        };
+        let with = |darks| Calibration::of_frames(Demosaicing::Bilinear, darks, Vec::new(), None).unwrap();
+        let (plain, dark) = (of(&with(Vec::new())), of(&with(vec![raw("dark", 0.5, 264)])));
+        assert!((dark.noise_floor_dn / plain.noise_floor_dn - 1.0).abs() < 1e-12);
+        let noise = dark.calibration.unwrap();
+        assert!(noise.line_variance.iter().all(|of| (of - 1.0).abs() < 1e-6), "{:?}", noise.line_variance);
+        assert!(noise.variance_dn2.iter().all(|dn2| (dn2 - 200.0).abs() < 1e-3), "{:?}", noise.variance_dn2);
+        assert_eq!(noise.dark_pattern_dn2, [0.0]);
     }
 
     /// 1000 DN less a dark charge of 200: 64 + 200 where the black level is that of the frame, 70 + 200 where it moved by 6, and of one

@@ -12,7 +12,8 @@ use super::motion::{MotionPath, shifted};
 use crate::image::{ChannelImage, ComponentFactors, ComponentImage, SensorImage, SpectralImage};
 use crate::pipeline::PipelineError;
 use crate::sensor::{
-    CaptureFrame, Exposure, FilmExtent, FilmRates, LinearMosaic, Sensor, ShutterKind, merge_exposures,
+    CaptureFrame, Development, Exposure, FilmExtent, FilmRates, LinearMosaic, Sensor, ShutterKind,
+    merge_exposures,
 };
 use crate::spectral::Radiance;
 use crate::study::{Capture, Study};
@@ -423,7 +424,17 @@ fn develop_some(
             None => frame.demosaic(calibration.demosaicing)?,
             Some(label) => {
                 let ambient = frame_of(&linear, label)?;
-                frame.clone().without(ambient)?.demosaic(calibration.demosaicing)?
+                let of_label = |label: &str| exposures.iter().find(|taken| taken.raw.label == label);
+                let pair = of_label(&frame.label).zip(of_label(label));
+                let left = match pair
+                    .map(|pair| with_shared_dark(pair.into(), calibration))
+                    .transpose()?
+                    .flatten()
+                {
+                    Some([frame, ambient]) => frame.without(&ambient)?,
+                    None => frame.clone().without(ambient)?,
+                };
+                left.demosaic(calibration.demosaicing)?
             }
         })
     };
@@ -435,6 +446,21 @@ fn develop_some(
         .zip(developed)
         .map(|(frame, developed)| CapturedFrame { raw: frame.raw, bracket: frame.bracket, developed })
         .collect())
+}
+
+/// A frame and the one that it subtracts, of one exposure each, where both have the same dark frames.
+pub(super) fn with_shared_dark(
+    frames: [&RawExposures; 2],
+    calibration: &Calibration,
+) -> Result<Option<[LinearMosaic; 2]>, PipelineError> {
+    let [first, second] =
+        [calibration.development(&frames[0].raw)?, calibration.development(&frames[1].raw)?];
+    let is_shared = first.dark.zip(second.dark).is_some_and(|(dark, other)| std::ptr::eq(dark, other));
+    if !is_shared || frames.iter().any(|frame| !frame.bracket.is_empty()) {
+        return Ok(None);
+    }
+    let development = Development { is_dark_shared: true, ..first };
+    Ok(Some([development.linearize(&frames[0].raw)?, development.linearize(&frames[1].raw)?]))
 }
 
 /// The frame of a name.

@@ -56,14 +56,12 @@ pub fn noise_of(image: &ChannelImage, raw: &SensorImage, sensor: &Sensor) -> Cha
     }
     let [of_rows, of_columns] = model.image_line_factors().map(f64::sqrt);
     let dn = |mv: f64| dn_per_electron * model.electrons_of_mv(mv);
-    let joined_columns = model.binning.map_or(1.0, |binning| binning.columns as f64);
-    let gain = if is_calibrated(|by| by.has_flat) { 0.0 } else { model.column_gain_percent / 100.0 };
     let lines = LineNoise {
         row_dn: again * of_rows * dn(model.row_noise_mv),
         column_dn: again * of_columns * dn(model.column_noise_mv),
         fixed_dn: [of_rows * dn(model.row_offset_mv), of_columns * dn(model.column_offset_mv)]
             .map(|dn| left * dn),
-        column_gain: gain / joined_columns.sqrt(),
+        column_gain: if is_calibrated(|by| by.has_flat) { 0.0 } else { model.image_column_gain() },
     };
     // The floor counts each read of a line as one of its pixel alone: what else is in it
     let of_lines_dn2 = model.image_reads() * dn(model.row_noise_mv.hypot(model.column_noise_mv)).powi(2);
