@@ -45,7 +45,7 @@ pub use dimensions::MouthDimensions;
 pub use mouth::{Mouth, Part, Tissue, generate_mouth};
 pub use parameters::{MouthParameters, POSE_FIELDS, ParameterError};
 pub use penetration::Penetration;
-pub use people::{BOLTON_RANGE, sample_person};
+pub use people::{BOLTON_RANGE, DrawnRestoration, sample_person, sample_restorations};
 pub use porphyrin_ramp::PorphyrinRamp;
 pub use restoration::{RestoredSurfaces, restored};
 pub use views::{EXAMINATION_VIEWS, ExaminationView, POSES};

@@ -12,7 +12,7 @@ use crate::change::scene_change::SceneChange;
 use crate::document::tree::{Content, Document};
 use crate::error::{ExperimentError, steps};
 use crate::file_text::file_text;
-use crate::people::give_tissues_of;
+use crate::people::{give_restorations_of, give_tissues_of};
 use crate::read::{
     Experiment, change_document, experiment_schema, finish_document, read_merged, schema_of, typed,
 };
@@ -344,6 +344,7 @@ impl CohortStudy {
                 }
             }
         }
+        give_restorations_of(person, file);
         // What lies at places on the sensor or in the scene is something else in this view
         file.target.clear();
         file.spectroradiometer.clear();

@@ -63,7 +63,9 @@ pub use part_file::sample::{
 };
 pub use part_file::sensor::{ResolvedSensor, SensorFile, parse_sensor};
 pub use part_file::tissue::{TissueFile, parse_tissue};
-pub use people::{Person, give_tissues_of, people_csv};
+pub use people::{
+    Person, give_restorations_of, give_tissues_of, has_drawn_restorations, people_csv, restoration_name,
+};
 pub use read::{Experiment, parse, parse_changed};
 pub use resolve::cached_analysis::{CachedAnalysis, cached_analysis};
 pub use resolve::named_tissue::NamedTissue;

@@ -1,14 +1,14 @@
-//! People: shape of the mouth and its tissues, drawn from populations.
+//! People: shape of the mouth, its tissues and its fillings, drawn from populations.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use fluorspar::sampling::random::Key;
 use fluorspar::tissue::{Population, TissueError};
-use fluorspar_anatomy::{MouthParameters, POSE_FIELDS, sample_person};
-use serde::Serialize;
+use fluorspar_anatomy::{MouthParameters, POSE_FIELDS, sample_person, sample_restorations};
+use serde::{Deserialize, Serialize};
 
 use crate::preset::{self, PresetError};
-use crate::schema::{ExperimentFile, NameOrFile, TissueSection};
+use crate::schema::{ExperimentFile, MaterialSection, NameOrFile, RestorationSection, TissueSection};
 
 /// What is drawn of a person, as sections of an experiment.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -18,7 +18,21 @@ pub struct Person {
     /// Tissues, in place of those of the experiment.
     #[serde(rename = "tissue")]
     pub tissues: Vec<TissueSection>,
+    /// Materials of their restorations that the experiment lacks.
+    #[serde(rename = "material")]
+    pub materials: Vec<MaterialSection>,
+    /// Fillings and crowns.
+    #[serde(skip)]
+    pub restorations: Vec<RestorationSection>,
 }
+
+/// What restorations of people are made of.
+#[derive(Deserialize)]
+struct RestorativeMaterials {
+    material: Vec<MaterialSection>,
+}
+
+const RESTORATIVE_MATERIALS: &str = include_str!("../data/restorative_materials.toml");
 
 impl Person {
     /// The person of a number, for the materials of an experiment.
@@ -26,7 +40,21 @@ impl Person {
     /// # Errors
     /// A site or a state of a tissue that does not exist.
     pub fn draw(file: &ExperimentFile, number: u32) -> Result<Self, PresetError> {
-        Ok(Self { mouth: sample_person(number), tissues: person_tissues(file, number)? })
+        Self::with_shape(file, number, sample_person(number))
+    }
+
+    /// The same with another shape of the mouth.
+    ///
+    /// # Errors
+    /// As [`Self::draw`].
+    pub fn with_shape(
+        file: &ExperimentFile,
+        number: u32,
+        mouth: MouthParameters,
+    ) -> Result<Self, PresetError> {
+        let tissues = person_tissues(file, number)?;
+        let (restorations, materials) = person_restorations(file, number, &mouth.missing_teeth);
+        Ok(Self { mouth, tissues, materials, restorations })
     }
 
     /// Parameters of the tissues by `TISSUE.PARAMETER`.
@@ -40,8 +68,8 @@ impl Person {
     }
 }
 
-/// A table of people, a line each: number, shape, ratio of the widths of their teeth, parameters of their tissues. All are of one
-/// experiment. `is_posed` adds pose and detail of their mouths.
+/// A table of people, a line each: number, shape, ratio of the widths of their teeth, restorations, parameters of their tissues. All are of
+/// one experiment. `is_posed` adds pose and detail of their mouths.
 ///
 /// # Errors
 /// None that is known: parameters that have no JSON.
@@ -54,7 +82,7 @@ pub fn people_csv(people: &[Person], is_posed: bool) -> Result<String, serde_jso
     let tissues =
         people.first().map(|person| person.of_tissues().map(|(name, _)| format!(",{name}")).collect());
     let tissues: String = tissues.unwrap_or_default();
-    let mut table = format!("person,{},bolton_ratio{tissues}\n", shape.join(","));
+    let mut table = format!("person,{},bolton_ratio,restorations{tissues}\n", shape.join(","));
     for person in people {
         let values = serde_json::to_value(&person.mouth)?;
         let cell = |name: &&String| match &values[name.as_str()] {
@@ -66,7 +94,10 @@ pub fn people_csv(people: &[Person], is_posed: bool) -> Result<String, serde_jso
         let row: Vec<String> = names.iter().map(cell).collect();
         let tissues: String = person.of_tissues().map(|(_, value)| format!(",{value:.6e}")).collect();
         let (number, ratio) = (person.mouth.seed, person.mouth.bolton_ratio());
-        table += &format!("{number},{},{ratio:.4}{tissues}\n", row.join(","));
+        let restorations = person.restorations.iter();
+        let restorations: Vec<String> =
+            restorations.map(|one| format!("{} {} {}", one.tooth, one.surfaces, one.material)).collect();
+        table += &format!("{number},{},{ratio:.4},{}{tissues}\n", row.join(","), restorations.join("; "));
     }
     Ok(table)
 }
@@ -93,6 +124,55 @@ fn person_tissues(file: &ExperimentFile, person: u32) -> Result<Vec<TissueSectio
         section.site.is_some().then(|| drawn(section, Key::new(u64::from(person))))
     };
     names.into_iter().filter_map(of_name).collect()
+}
+
+/// Whether the people of an experiment have fillings and crowns of their own: what it has of them, and its scans, are everybody's.
+#[must_use]
+pub fn has_drawn_restorations(file: &ExperimentFile) -> bool {
+    file.mouth.as_ref().is_some_and(|mouth| mouth.restoration.is_empty() && mouth.scan.is_empty())
+}
+
+/// Fillings and crowns of the person of a number, and what of their materials an experiment lacks. Teeth with a lesion have none.
+fn person_restorations(
+    file: &ExperimentFile,
+    person: u32,
+    missing: &[u8],
+) -> (Vec<RestorationSection>, Vec<MaterialSection>) {
+    if !has_drawn_restorations(file) {
+        return (Vec::new(), Vec::new());
+    }
+    let lesions = || file.mouth.iter().flat_map(|mouth| &mouth.lesion);
+    let is_sound = |tooth: u8| lesions().all(|lesion| lesion.part != format!("tooth_{tooth}"));
+    let mut drawn = sample_restorations(person, missing);
+    drawn.retain(|one| is_sound(one.tooth));
+    let is_used = |material: &MaterialSection| drawn.iter().any(|one| one.material == material.name);
+    let is_known = |material: &MaterialSection| file.material.iter().any(|known| known.name == material.name);
+    let all =
+        toml::from_str::<RestorativeMaterials>(RESTORATIVE_MATERIALS).map_or(Vec::new(), |all| all.material);
+    let materials = all.into_iter().filter(|one| is_used(one) && !is_known(one)).collect();
+    let restorations = drawn.into_iter().map(|one| RestorationSection {
+        name: restoration_name(one.tooth),
+        tooth: one.tooth,
+        surfaces: one.surfaces.into(),
+        material: one.material.into(),
+    });
+    (restorations.collect(), materials)
+}
+
+/// Name of the restoration of a person on a tooth.
+#[must_use]
+pub fn restoration_name(tooth: u8) -> String {
+    format!("restoration_{tooth}")
+}
+
+/// Gives the mouth of an experiment, which has the shape of a person, the fillings and crowns of that person.
+pub fn give_restorations_of(person: u32, file: &mut ExperimentFile) {
+    let missing = file.mouth.as_ref().map(|mouth| mouth.parameters.missing_teeth.clone()).unwrap_or_default();
+    let (restorations, materials) = person_restorations(file, person, &missing);
+    if let Some(mouth) = &mut file.mouth {
+        mouth.restoration.extend(restorations);
+    }
+    file.material.extend(materials);
 }
 
 /// Gives an experiment the tissues of a person in place of its own.
@@ -122,7 +202,7 @@ fn drawn(mut section: TissueSection, person: Key) -> Result<TissueSection, Prese
         path: section.name.clone().into(),
         message: error.to_string(),
     })?;
-    let population = Population::of(&site).person(person);
+    let population = Population::of_people(&site).person(person);
     for parameter in population.variations().iter().flat_map(|variation| variation.parameters) {
         // What a site does not hold it has in nobody
         if let Some(value) = population.typical().get(parameter).ok().filter(|value| *value != 0.0) {

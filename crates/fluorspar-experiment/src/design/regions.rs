@@ -323,7 +323,7 @@ pub(super) fn cohort(
     let typical = named_tissue(context, &at_tissue, tissues, fluorophores, axes.grid, &section.tissue)?;
     let state = context.state(&at.field("state"), &section.state)?;
     let layers = Layers::new(context, &at_tissue, &file.experiment.fluorophore, &typical)?;
-    let population = Population::of(typical.site(context, &at_tissue)?);
+    let population = Population::of_people(typical.site(context, &at_tissue)?);
     let key = Key::new(section.seed).with_text("cohort");
     let of = |context: &Context<'_>, site: &Site| -> Resolved<RegionModel> {
         let named = NamedTissue::Site(site.clone());

@@ -69,8 +69,8 @@ pub fn list(kind: PresetKind) -> Result<Vec<PresetSummary>, PresetError> {
 /// # Errors
 /// When there is no such entry.
 pub fn text(kind: PresetKind, name: &str) -> Result<&'static str, PresetError> {
-    if let Some(text) = user_entry(kind, name) {
-        return Ok(text);
+    if let Some(entry) = user_entry(kind, name) {
+        return Ok(&entry.text);
     }
     let file = format!("{}/{name}.toml", kind.folder());
     let found = names(kind).contains(&name).then(|| DATA.get_file(&file)).flatten();

@@ -46,4 +46,4 @@ pub use site_preset::{compared_sites, site, site_of_text, site_or_file};
 pub use sources::{UsedPreset, used_presets};
 pub use state_preset::state;
 pub use user_catalogue::{check_catalogue, use_catalogue};
-pub(crate) use user_entries::has_user_catalogue;
+pub(crate) use user_entries::{has_user_catalogue, user_entry};

@@ -4,7 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fluorspar::spectral::CurveModel;
-use fluorspar_format::{FormatError, SpectrumOptions, SpectrumQuantity, read_spectra, read_text_bounded};
+use fluorspar_format::{
+    FormatError, SpectrumOptions, SpectrumQuantity, digest_bounded, read_spectra, read_text_bounded,
+};
 
 use super::catalogue::built_in_names;
 use super::curve_preset::{CurveQuantity, SpectraPreset, curve, quantum_efficiency_of};
@@ -12,7 +14,7 @@ use super::kind::{PresetError, PresetKind};
 use super::sensor_preset::sensor_of;
 use super::site_preset::named_site;
 use super::state_preset::state_of;
-use super::user_entries::{Entries, MOST_BYTES, keep_entries};
+use super::user_entries::{Entries, MOST_BYTES, UserEntry, keep_entries};
 
 /// Kinds of entries that the folder may hold.
 const KINDS: [PresetKind; 7] = [
@@ -67,7 +69,9 @@ fn read_entries(folder: &Path) -> Result<Entries, PresetError> {
                 ));
             }
             check(kind, &name, &text).map_err(|error| of_user(&path, error))?;
-            if entries.insert((kind.folder(), name), text).is_some() {
+            let sha256 = digest_bounded(&path, MOST_BYTES).map_err(|error| of_file(&path, &error))?;
+            let file = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
+            if entries.insert((kind.folder(), name), UserEntry { text, file, sha256 }).is_some() {
                 return Err(refused(&path, "there are two files of this name; remove one of them"));
             }
         }
@@ -117,7 +121,8 @@ fn text_of_table(kind: PresetKind, name: &str, path: &Path) -> Result<String, Pr
     let is_qe = kind == PresetKind::QuantumEfficiency;
     let read_as = match kind {
         PresetKind::Light => SpectrumQuantity::SpectralPower,
-        PresetKind::Filter | PresetKind::Reflectance => SpectrumQuantity::Fraction,
+        PresetKind::Filter => SpectrumQuantity::Transmittance,
+        PresetKind::Reflectance => SpectrumQuantity::Fraction,
         _ => SpectrumQuantity::QuantumEfficiency,
     };
     let options = SpectrumOptions { quantity: read_as, ..SpectrumOptions::default() };

@@ -1,6 +1,7 @@
 //! Entries of the user that stand beside those of the catalogue.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use super::kind::PresetKind;
@@ -8,8 +9,17 @@ use super::kind::PresetKind;
 /// Largest file of an entry, bytes.
 pub(super) const MOST_BYTES: u64 = 4 << 20;
 
-/// Entries by folder and name: files in the form of the catalogue.
-pub(super) type Entries = BTreeMap<(&'static str, String), String>;
+/// An entry, and the file that it was read from.
+pub(crate) struct UserEntry {
+    /// In the form of the catalogue.
+    pub(super) text: String,
+    pub(crate) file: PathBuf,
+    /// Digest of the file.
+    pub(crate) sha256: String,
+}
+
+/// Entries by folder and name.
+pub(super) type Entries = BTreeMap<(&'static str, String), UserEntry>;
 
 static ENTRIES: OnceLock<Entries> = OnceLock::new();
 
@@ -19,8 +29,8 @@ pub(super) fn keep_entries(entries: Entries) {
 }
 
 /// The entry of a kind and a name, if the user has one.
-pub(super) fn user_entry(kind: PresetKind, name: &str) -> Option<&'static str> {
-    ENTRIES.get()?.get(&(kind.folder(), name.to_owned())).map(String::as_str)
+pub(crate) fn user_entry(kind: PresetKind, name: &str) -> Option<&'static UserEntry> {
+    ENTRIES.get()?.get(&(kind.folder(), name.to_owned()))
 }
 
 /// Names of the entries of a kind.

@@ -1,7 +1,7 @@
 //! Context of all steps of resolving: sources of values, warnings, files that were read.
 
-use std::collections::BTreeMap;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use super::record::InputFile;
 use crate::document::tree::Document;
 use crate::error::{ExperimentError, Message, PathsFrom, Place, Step};
-use crate::preset::{self, PresetError};
+use crate::preset::{self, PresetError, PresetKind};
 use crate::schema::{ExposureTime, FilePath, NameOrFile};
 use fluorspar::digest::sha256_hex;
 use fluorspar::quote::excerpt_to;
@@ -73,8 +73,8 @@ pub(crate) struct Context<'a> {
     pub(crate) inputs: Vec<InputFile>,
     /// Digests that the experiment holds of files.
     pub(super) known_files: BTreeMap<String, String>,
-    /// Digests of those that decide a render, by their paths.
-    pub(super) render_files: BTreeMap<String, String>,
+    /// Those of the inputs that decide a render.
+    pub(super) render_files: BTreeSet<PathBuf>,
     /// Entries of the catalogue in use, with the digest of their files.
     pub(crate) presets: BTreeMap<String, String>,
     /// The mouth, for maps of its anatomy.
@@ -99,7 +99,7 @@ impl<'a> Context<'a> {
             filter_data: Vec::new(),
             inputs: Vec::new(),
             known_files: BTreeMap::new(),
-            render_files: BTreeMap::new(),
+            render_files: BTreeSet::new(),
             presets: BTreeMap::new(),
         }
     }
@@ -276,8 +276,9 @@ impl<'a> Context<'a> {
     /// Digest of a file, noted as an input of the experiment.
     pub(crate) fn note_input(&mut self, at: &[Step], file: &FilePath) -> Resolved<()> {
         let file: &Path = file.as_ref();
-        if self.inputs.iter().any(|input| input.path == file) {
-            return Ok(());
+        if let Some(known) = self.inputs.iter().find(|input| input.path == file).cloned() {
+            // What a frame uses may decide the render, too
+            return self.note_digest(at, known);
         }
         let sha256 = match digest_bounded(file, MAX_INPUT_BYTES) {
             Ok(sha256) => sha256,
@@ -298,20 +299,22 @@ impl<'a> Context<'a> {
             }
             Err(error) => return self.fail(at, error.problem().to_string()),
         };
-        self.note_render_file(at, file, &sha256)?;
-        self.inputs.push(InputFile { path: file.into(), sha256 });
-        Ok(())
+        self.note_digest(at, InputFile { path: file.into(), sha256 })
     }
 
-    /// Notes the digest of a file that decides a render, and refuses one that has changed since results were made from it.
-    fn note_render_file(&mut self, at: &[Step], file: &Path, sha256: &str) -> Resolved<()> {
+    /// Notes a file, and whether it decides a render; refuses one that does and has changed since results were made from it.
+    fn note_digest(&mut self, at: &[Step], input: InputFile) -> Resolved<()> {
+        let InputFile { path: file, sha256 } = &input;
+        if !self.inputs.contains(&input) {
+            self.inputs.push(input.clone());
+        }
         if matches!(at.first(), Some(Step::Key(section)) if OF_FRAMES.contains(&section.as_str())) {
             return Ok(());
         }
         let folders: Vec<&Path> =
             self.document.sources.iter().filter_map(|of| of.folder.as_deref()).collect();
         let is_it = |path: &Path| {
-            path == file || path.is_relative() && folders.iter().any(|folder| folder.join(path) == file)
+            path == file || path.is_relative() && folders.iter().any(|folder| folder.join(path) == *file)
         };
         if self.known_files.iter().any(|(path, known)| is_it(Path::new(path)) && known != sha256) {
             let name = excerpt_to(&file.to_string_lossy(), 400);
@@ -321,7 +324,7 @@ impl<'a> Context<'a> {
             );
             return self.fail(at, message);
         }
-        self.render_files.insert(file.to_string_lossy().into_owned(), sha256.into());
+        self.render_files.insert(file.clone());
         Ok(())
     }
 
@@ -329,6 +332,13 @@ impl<'a> Context<'a> {
     pub(crate) fn note_preset(&mut self, what: &str, name: &str, content: &impl serde::Serialize) {
         let text = serde_json::to_string(content).unwrap_or_default();
         self.presets.insert(format!("{what} {name}"), sha256_hex([text]));
+    }
+
+    /// Notes the file of an entry, where it is of the user's catalogue.
+    pub(super) fn note_entry(&mut self, at: &[Step], kind: PresetKind, name: &str) -> Resolved<()> {
+        preset::user_entry(kind, name).map_or(Ok(()), |entry| {
+            self.note_digest(at, InputFile { path: entry.file.clone(), sha256: entry.sha256.clone() })
+        })
     }
 
     /// A tissue site of the catalogue or of a file, noted as an input.
@@ -342,21 +352,23 @@ impl<'a> Context<'a> {
             _ => self.error(at, error),
         })?;
         if let NameOrFile::Name(name) = reference {
-            self.note_site(name, &site);
+            self.note_site(at, name, &site)?;
         }
         Ok(site)
     }
 
     /// Notes a tissue site of the catalogue as an input.
-    pub(super) fn note_site(&mut self, name: &str, site: &Site) {
+    pub(super) fn note_site(&mut self, at: &[Step], name: &str, site: &Site) -> Resolved<()> {
         // Debug text of finite numbers is exact: it reads back to the same bits.
         self.note_preset("site", name, &format!("{site:?}"));
+        self.note_entry(at, PresetKind::Site, name)
     }
 
     /// A state of tissue of the catalogue, noted as an input.
     pub(crate) fn state(&mut self, at: &[Step], name: &str) -> Resolved<TissueState> {
         let state = preset::state(name).map_err(|error| self.error(at, error))?;
         self.note_preset("state", name, &format!("{state:?}"));
+        self.note_entry(at, PresetKind::State, name)?;
         Ok(state)
     }
 

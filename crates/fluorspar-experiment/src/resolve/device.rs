@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::context::{Context, LENGTH_MM, Resolved};
 use super::spectrum::Role;
 use crate::error::{Place, steps};
-use crate::preset;
+use crate::preset::{self, PresetKind};
 use crate::schema::{
     CameraSection, EdgeBins, EfficiencyColumns, EfficiencyReference, ExperimentFile, FilePath, FilterAngles,
     FilterPosition, ImageFormation, LensOrNumber, LensSection, NameOrFile, NameOrTable, RenderSection,
@@ -604,6 +604,7 @@ fn quantum_efficiency(
     let wanted = channels_of(model);
     let preset = preset::quantum_efficiency(reference).map_err(|error| context.error(at, error))?;
     context.note_preset("quantum efficiency", reference, &preset);
+    context.note_entry(at, PresetKind::QuantumEfficiency, reference)?;
     let all = preset.channels().map_err(|error| context.error(at, error.to_string()))?;
     if let Some(missing) = wanted.iter().find(|name| !all.iter().any(|(channel, _)| channel == *name)) {
         let message = format!(

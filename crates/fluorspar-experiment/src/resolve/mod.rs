@@ -44,7 +44,7 @@ use super::schema::{
 };
 use super::{Experiment, ExperimentError};
 use crate::cache::fetch_mouth;
-use crate::people::give_tissues_of;
+use crate::people::{give_restorations_of, give_tissues_of};
 use crate::preset;
 use fluorspar::light::{Light, LightGroup};
 use fluorspar::optics::PerspectiveCamera;
@@ -181,13 +181,14 @@ fn resolve_scene(experiment: &Experiment, needs_light: bool) -> Result<ResolvedE
     Ok(ResolvedExperiment { study, record })
 }
 
-/// The file with the tissues of the person of its mouth; estimates know the file alone.
+/// The file with tissues and restorations of the person of its mouth; estimates know the file alone.
 fn with_person<'a>(context: &Context<'_>, file: &'a ExperimentFile) -> Resolved<Cow<'a, ExperimentFile>> {
     let Some(person) = file.mouth.as_ref().and_then(|mouth| mouth.person) else {
         return Ok(Cow::Borrowed(file));
     };
     let mut drawn = file.clone();
     give_tissues_of(person, &mut drawn).map_err(|error| context.error(&steps!["tissue"], error))?;
+    give_restorations_of(person, &mut drawn);
     Ok(Cow::Owned(drawn))
 }
 
@@ -626,7 +627,9 @@ fn warn_unused(
 /// The resolved file and its digest.
 fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String, String)> {
     let mut complete = complete(file);
-    complete.files.extend(context.render_files.clone());
+    let of_render = context.inputs.iter().filter(|input| context.render_files.contains(&input.path));
+    let digests = of_render.map(|input| (input.path.to_string_lossy().into_owned(), input.sha256.clone()));
+    complete.files.extend(digests);
     let (text, digest) = context.write_out(complete.clone(), |decisive| {
         decisive.title.clear();
         decisive.description.clear();

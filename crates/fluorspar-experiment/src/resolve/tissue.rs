@@ -143,7 +143,7 @@ pub(crate) fn named_tissue(
         let message = Message::unknown(format!("there is no tissue \"{}\"", excerpt(name)), name, known);
         return context.fail(at, message);
     };
-    context.note_site(name, &site);
+    context.note_site(at, name, &site)?;
     Ok(NamedTissue::Site(site))
 }
 

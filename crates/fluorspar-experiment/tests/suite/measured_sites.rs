@@ -5,8 +5,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use fluorspar::sampling::random::Key;
 use fluorspar::spectral::{Curve, StandardObserver, WavelengthGrid, daylight_d65};
-use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, Level, Site};
+use fluorspar::tissue::{DiscreteOrdinates, EffectiveTissue, Level, Population, Site};
 use fluorspar_experiment::preset;
 use serde::Deserialize;
 
@@ -139,6 +140,30 @@ fn sites_have_the_measured_colors() {
         println!("{site} {space} {found:.4?} in {low:.4?} to {high:.4?}");
         let outside: Vec<usize> = (0..3).filter(|&i| !(low[i]..=high[i]).contains(&found[i])).collect();
         assert_eq!(outside, misses, "{site}: {found:?}");
+    }
+}
+
+/// Standard deviations of drawn people lie within a factor of 1.5 of those of measured ones: the colors of gums and the tongue's Y, whose
+/// standard error is 9 % here. Its x spreads 1.5 times as far, about a redder mean.
+#[test]
+fn people_differ_in_color_as_measured() {
+    for (site, compared) in [("gingiva", 0..3), ("dorsal_tongue", 0..1)] {
+        let Color { space, sd, .. } = measured().color.into_iter().find(|color| color.site == site).unwrap();
+        let population = Population::of_people(&preset::site(site).unwrap());
+        let people: Vec<[f64; 3]> = (0..60)
+            .map(|person| {
+                let drawn = population.draw(&mut Key::new(11).with(person).rng());
+                let reflectance = of_site(&drawn).reflectance(Level::AboveSurface);
+                if space == "Lab" { lab(&reflectance) } else { chromaticity(&reflectance) }
+            })
+            .collect();
+        for i in compared {
+            let mean = people.iter().map(|color| color[i]).sum::<f64>() / 60.0;
+            let found = (people.iter().map(|color| (color[i] - mean).powi(2)).sum::<f64>() / 59.0).sqrt();
+            let ratio = found / sd.unwrap()[i];
+            println!("{site} {space} {i}: {found:.3}, {ratio:.2} of the measured");
+            assert!((1.0 / 1.5..1.5).contains(&ratio), "{site} {i}: {ratio}");
+        }
     }
 }
 

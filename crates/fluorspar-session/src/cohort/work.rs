@@ -228,10 +228,7 @@ impl CohortWork {
     /// A site or a state of a tissue that does not exist.
     pub(crate) fn people(&self) -> Result<Vec<Person>> {
         let file = &self.cohort.experiment.file;
-        let draw = |number| {
-            let mouth = self.cohort.shape_of(number);
-            Ok(Person { mouth, ..Person::draw(file, number)? })
-        };
+        let draw = |number| Ok(Person::with_shape(file, number, self.cohort.shape_of(number))?);
         self.cohort.numbers().map(draw).collect()
     }
 

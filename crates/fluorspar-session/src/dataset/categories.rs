@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use fluorspar::pipeline::part_color;
-use fluorspar_experiment::ResolvedExperiment;
+use fluorspar_experiment::{ResolvedExperiment, has_drawn_restorations, restoration_name};
 use serde_json::{Value, json};
 
 use crate::cohort::CohortWork;
@@ -22,10 +22,14 @@ impl Categories {
     /// More than masks have numbers for.
     pub(super) fn of(work: &CohortWork, experiment: &ResolvedExperiment) -> Result<Self> {
         let lesions: Vec<String> = work.cohort.lesions().iter().map(|lesion| lesion.name.clone()).collect();
-        let teeth = (1..=4).flat_map(|quadrant| (1..=8).map(move |n| format!("tooth_{quadrant}{n}")));
+        let numbers = || (1..=4).flat_map(|quadrant| (1..=8).map(move |place| 10 * quadrant + place));
+        let teeth = numbers().map(|number| format!("tooth_{number}"));
         let names = experiment.study.scene.objects.iter().map(|object| object.name.clone());
         let mouth = work.cohort.experiment.file.mouth.iter();
-        let restorations = mouth.flat_map(|mouth| &mouth.restoration).map(|one| one.name.clone());
+        let restorations: Vec<String> = match has_drawn_restorations(&work.cohort.experiment.file) {
+            true => numbers().map(restoration_name).collect(),
+            false => mouth.flat_map(|mouth| &mouth.restoration).map(|one| one.name.clone()).collect(),
+        };
         let parts: Vec<String> =
             names.chain(teeth).chain(restorations).collect::<BTreeSet<_>>().into_iter().collect();
         let all = lesions.len() + parts.len();

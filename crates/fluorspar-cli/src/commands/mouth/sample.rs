@@ -81,6 +81,8 @@ fn write_people(base: &str, people: &[Person], folder: &Path) -> Result<(), CliE
         let mut sections = toml::Table::try_from(person).unwrap_or_default();
         if let Some(toml::Value::Table(mouth)) = sections.get_mut("mouth") {
             mouth.retain(|field, _| !POSE_FIELDS.contains(&field));
+            let restorations = toml::Value::try_from(&person.restorations);
+            mouth.extend(restorations.ok().map(|list| ("restoration".to_owned(), list)));
         }
         let (number, text) = (person.mouth.seed, toml::to_string(&sections).unwrap_or_default());
         write_atomically(&folder.join(format!("person_{number:06}.toml")), |writer| {

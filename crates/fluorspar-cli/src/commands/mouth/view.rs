@@ -3,7 +3,7 @@
 use clap::ValueHint;
 use fluorspar::pipeline::{light_group_preview, reduce_to_preview};
 use fluorspar_anatomy::{EXAMINATION_VIEWS, ExaminationView, POSES};
-use fluorspar_experiment::{give_tissues_of, parse, resolve};
+use fluorspar_experiment::{give_restorations_of, give_tissues_of, parse, resolve};
 use fluorspar_format::{Output, Outputs, write_rgb_png};
 use fluorspar_report::{ContactSheet, Raster};
 use fluorspar_session::{ExperimentSource, render_scene};
@@ -113,6 +113,7 @@ fn picture(
     experiment.file.analysis = None;
     if let Some(person) = options.person.person {
         give_tissues_of(person, &mut experiment.file).map_err(|error| CliError::Input(error.to_string()))?;
+        give_restorations_of(person, &mut experiment.file);
     }
     let mut study = resolve(&experiment).map_err(|error| as_typed(error, &overrides))?.study;
     if !study.scene.light_groups.iter().any(|group| group.name == options.light_group) {

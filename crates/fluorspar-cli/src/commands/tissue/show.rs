@@ -91,7 +91,7 @@ fn states(site: &Site) -> impl Iterator<Item = TissueState> + '_ {
 }
 
 fn as_json(title: &str, site: &Site, tissue: &LayeredTissue) -> Value {
-    let population = Population::of(site);
+    let population = Population::of_people(site);
     let parameter = |(parameter, value): (&SiteParameter, f64)| {
         let (basis, source) = site.basis(parameter.name);
         let deviations = variation(&population, parameter.name).map(|(_, deviations)| deviations);
@@ -195,7 +195,7 @@ fn sources(site: &Site) -> String {
 
 /// The parameters of a site, below their heads.
 fn parameter_rows(site: &Site) -> Vec<Vec<String>> {
-    let population = Population::of(site);
+    let population = Population::of_people(site);
     let heads = ["parameter", "value", "unit", "range", "basis", "people", "meaning"];
     let mut rows = vec![heads.map(String::from).to_vec()];
     rows.extend(site.parameters().map(|(parameter, value)| {
