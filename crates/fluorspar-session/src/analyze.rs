@@ -655,6 +655,8 @@ pub(crate) fn developed(
     };
     let develop = &study.develop;
     let (dark, flat) = (read(&options.dark)?, read(&options.flat)?);
+    let cut: Vec<Warning> = options.dark.iter().zip(&dark).filter_map(cut_at_zero).collect();
+    job.warn(&cut);
     let calibration = Calibration::of_frames(develop.demosaicing, dark, flat, develop.bad_pixel_sigma)?;
     let frames = develop_frames(study, exposures, &calibration)?;
     let all = frames.iter().flat_map(|frame| std::iter::once(&frame.raw).chain(&frame.bracket));
@@ -662,6 +664,25 @@ pub(crate) fn developed(
         calibration.remarks(all).map_err(PipelineError::from)?.into_iter().map(Warning::from).collect();
     job.warn(&remarks);
     Ok(Developed { frames, told })
+}
+
+/// What is said of a dark frame whose noise is cut at 0.
+fn cut_at_zero((file, dark): (&PathBuf, &SensorImage)) -> Option<Warning> {
+    /// Share of the values from which they are no few.
+    const NO_FEW: f64 = 0.01;
+    let share = |is: fn(&u16) -> bool| {
+        dark.data.iter().filter(|dn| is(dn)).count() as f64 / dark.data.len().max(1) as f64
+    };
+    let zero = share(|dn| *dn == 0);
+    // Noise within a step of the converter has no half that is cut
+    (zero > NO_FEW && share(|dn| *dn > 1) > NO_FEW).then(|| {
+        let statement = format!(
+            "{}: {:.0} % of its values are 0, which cuts its noise: the dark level comes out too high, light too low",
+            file.display(),
+            100.0 * zero
+        );
+        Warning::explained(statement, "Raise the black level (offset) of the camera, or take raw frames.")
+    })
 }
 
 /// The frames of a folder that `run` or `capture` wrote, developed with what calibrates them.

@@ -146,7 +146,7 @@ pub fn quantum_efficiency(name: &str, job: &Job) -> Result<Vec<(String, Curve)>>
 pub fn filters(names: &[String], job: &Job) -> Result<Curve> {
     names.iter().try_fold(Curve::constant(1.0), |product, name| {
         let curve = if is_file(name) {
-            one_column(name, SpectrumQuantity::Fraction, Negative::Refuse, job)?
+            one_column(name, SpectrumQuantity::Transmittance, Negative::Refuse, job)?
         } else {
             preset::filter(name)?.curve()
         };

@@ -1,4 +1,5 @@
-//! What is normal: a file of sums over people, which holds none of them.
+//! What is normal: a file of sums over people, which holds none of them. No norm comes with the program: it is of the study's own people, of
+//! whom those without an outcome count as healthy [assumed], or of simulated ones, whose amounts of porphyrin are assumed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
@@ -234,16 +235,18 @@ pub fn norm(options: &NormOptions, job: &Job) -> Result<NormReport> {
         .as_deref()
         .map(|out| Outputs::new().and(Output::file("--out", out)).reading(&read).declare())
         .transpose()?;
-    let (norm, LeftOut { without_value, at_ends, guesses, without_age, refused, with_lesion, outside }) =
-        match (&options.study, &options.cohort, &options.pool[..]) {
-            (Some(study), ..) => of_study(options, study)?,
-            (None, Some(cohort), _) => of_cohort(options, cohort)?,
-            (None, None, [first, rest @ ..]) => (pooled(options, first, rest)?, LeftOut::default()),
-            (None, None, []) => {
-                return Err(Error::Input("give a study, ⟨cohort=FILE⟩ or norms with ⟨pool=FILE⟩".into()));
-            }
-        };
+    let (norm, left_out) = match (&options.study, &options.cohort, &options.pool[..]) {
+        (Some(study), ..) => of_study(options, study)?,
+        (None, Some(cohort), _) => of_cohort(options, cohort)?,
+        (None, None, [first, rest @ ..]) => (pooled(options, first, rest)?, LeftOut::default()),
+        (None, None, []) => {
+            return Err(Error::Input("give a study, ⟨cohort=FILE⟩ or norms with ⟨pool=FILE⟩".into()));
+        }
+    };
+    let LeftOut { without_value, at_ends, guesses, without_age, refused, with_lesion, outside, frames } =
+        left_out;
     warn([without_value, at_ends, guesses, without_age], job);
+    job.warn(frames.map(Into::into).as_slice());
     job.warn(widened_by(&outside, norm.sums.people() as usize).map(Into::into).as_slice());
     if refused + with_lesion > 0 {
         job.status(format!(
@@ -279,6 +282,8 @@ struct LeftOut {
     with_lesion: usize,
     /// People in the norm who lie outside of the range of the others.
     outside: Vec<String>,
+    /// Frames, in words, where nothing tells which is meant.
+    frames: Option<String>,
 }
 
 /// Says who of so many people of a norm is outside of the range of the others, where more are than a range of 95 % leaves out: of healthy
@@ -526,6 +531,7 @@ fn of_study(options: &NormOptions, folder: &Path) -> Result<(NormFile, LeftOut)>
         refused: of.refused.len(),
         with_lesion: of.with_lesion.len(),
         outside: outside_of_others(&norm.sums, &subjects),
+        frames: None,
     };
     Ok((norm, left_out))
 }
@@ -564,16 +570,27 @@ struct CohortRow {
     camera: String,
 }
 
-/// The rows of a table, all of the frame that its estimates are of: colors and signals of further frames stand beside them.
-fn rows_of_cohort(text: &str, path: &Path) -> Result<Vec<CohortRow>> {
+/// The rows of a table, all of the frame that its estimates are of: colors and signals of further frames stand beside them. Where it has no
+/// estimates, the first frame, and that it was taken.
+fn rows_of_cohort(text: &str, path: &Path) -> Result<(Vec<CohortRow>, Option<String>)> {
     let rows: Vec<CohortRow> = Reader::from_reader(text.as_bytes())
         .deserialize()
         .collect::<std::result::Result<_, _>>()
         .map_err(|error| Error::Input(format!("{}: this is no cohort.csv: {error}", path.display())))?;
     let is_estimate =
         |row: &&CohortRow| ["red_share", "share", "line_share"].contains(&row.quantity.as_str());
-    let frame = rows.iter().find(is_estimate).or(rows.first()).map(|row| row.frame.clone());
-    Ok(rows.into_iter().filter(|row| Some(&row.frame) == frame.as_ref()).collect())
+    let of_estimates = rows.iter().find(is_estimate);
+    let frame = of_estimates.or(rows.first()).map(|row| row.frame.clone()).unwrap_or_default();
+    let other = rows.iter().find(|row| of_estimates.is_none() && row.frame != frame);
+    let told = other.map(|other| {
+        format!(
+            "{}: there are no estimates that tell which frame is meant: \"{frame}\" is taken, not \"{}\"; for another leave its rows alone in \
+             the table",
+            path.display(),
+            other.frame
+        )
+    });
+    Ok((rows.into_iter().filter(|row| row.frame == frame).collect(), told))
 }
 
 fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> {
@@ -582,7 +599,8 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
     let mut views: BTreeMap<u32, BTreeMap<String, Vec<f64>>> = BTreeMap::new();
     let mut errors: BTreeMap<_, Vec<_>> = BTreeMap::new();
     let mut cameras = BTreeSet::new();
-    for row in rows_of_cohort(&text, path)? {
+    let (rows, frames) = rows_of_cohort(&text, path)?;
+    for row in rows {
         cameras.insert(row.camera);
         let is_wanted = row.part == options.region()
             && row.quantity == options.quantity()
@@ -612,7 +630,7 @@ fn of_cohort(options: &NormOptions, path: &Path) -> Result<(NormFile, LeftOut)> 
     set_errors(&mut people, errors);
     let people: Vec<NormPerson> = people.into_values().collect();
     let sha256 = fluorspar::digest::sha256_hex([text]);
-    let left_out = LeftOut { at_ends: at_ends(&people, range), ..LeftOut::default() };
+    let left_out = LeftOut { at_ends: at_ends(&people, range), frames, ..LeftOut::default() };
     let camera = cameras.pop_first().filter(|camera| !camera.is_empty());
     let norm = NormFile {
         program: "fluorspar".into(),
@@ -785,7 +803,7 @@ mod tests {
                 text += &format!("{k},{view},blue,tongue_dorsum,,,chromaticity_r,0,{},,\n", 0.4 + more);
             }
         }
-        std::fs::write(&path, text).unwrap();
+        std::fs::write(&path, &text).unwrap();
         let options = NormOptions {
             region: Some("tongue_dorsum".into()),
             quantity: Some("chromaticity_r".into()),
@@ -794,6 +812,12 @@ mod tests {
         let site = &of_cohort(&options, &path).unwrap().0.sums.sites[0];
         let wanted = ValueRange::Share.straightened(0.41).unwrap();
         assert!((site.value / 3.0 - wanted).abs() < 1e-9 && site.within_degrees == 0, "{site:?}");
+        // Without estimates nothing tells the frame
+        let taken = |text: &str| rows_of_cohort(text, &path).unwrap();
+        assert!(taken(&text).1.is_none());
+        let (rows, told) = taken(&text.replace("red_share", "median_signal"));
+        let told = told.unwrap();
+        assert!(rows.iter().all(|row| row.frame == "white") && told.contains("\"white\" is taken"), "{told}");
     }
 
     #[test]

@@ -274,7 +274,10 @@ fn names_file(value: &serde_json::Value) -> bool {
 /// Refuses changes that name files: the page changes what is there, and reads nothing from the disk.
 pub(crate) fn check_no_files(changes: &Changes) -> Result<()> {
     for text in sets(&changes.overrides()) {
-        let value = text.split_once('=').map_or("", |(_, value)| value);
+        let (path, value) = text.split_once('=').unwrap_or((&text, ""));
+        if ["title", "description"].contains(&path.trim()) {
+            continue;
+        }
         // What is not TOML is a text
         let read = read_toml::<serde_json::Value>(&format!("value = {value}"));
         if read.map_or_else(|_| is_file(value), |read| names_file(&read)) {

@@ -7,7 +7,7 @@ use fluorspar::image::{ComponentImage, ExcitationImage};
 use fluorspar::pipeline::radiance_preview;
 use fluorspar::spectral::Radiance;
 use fluorspar_format::{
-    ExrCompression, ExrOptions, Output, Outputs, Provenance, SpooledImage, write_component_exr,
+    CubeForm, ExrCompression, ExrOptions, Output, Outputs, Provenance, SpooledImage, write_component_exr,
     write_component_npy, write_rgb_png, write_spectral_exr, write_spectral_npy,
 };
 use serde_json::{Value, json};
@@ -59,9 +59,18 @@ impl ImageOutput {
     /// Refuses names that don't tell a format, before any work is done.
     pub(crate) fn check(&self) -> Result<(), CliError> {
         if !has_extension(&self.out, "exr") && !has_extension(&self.out, "npy") {
+            let out = self.out.display();
+            let hint = match CubeForm::of(&self.out) {
+                Some(form) => {
+                    let apart = if self.components && form == CubeForm::Zarr { " --components" } else { "" };
+                    format!(
+                        "write components to an .exr, then this from it: `fluorspar cube FILE.exr{apart} --out {out}`"
+                    )
+                }
+                None => "for an sRGB image add --preview FILE.png".into(),
+            };
             return Err(CliError::Input(format!(
-                "--out {}: the name must end in .exr or .npy, which keep every band; for an sRGB image add --preview FILE.png",
-                self.out.display()
+                "--out {out}: the name must end in .exr or .npy, which keep every band; {hint}"
             )));
         }
         if self.storage != Storage::Full && has_extension(&self.out, "npy") {

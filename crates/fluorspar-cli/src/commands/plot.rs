@@ -78,7 +78,10 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         refuse_lists(option, names)?;
     }
     let job = &Messages::default().job();
-    let behind = named_spectra::filters(&options.light_filter, job)?;
+    let read = |name: &String| named_spectra::filters(std::slice::from_ref(name), job);
+    let read_all = |names: &[String]| names.iter().map(read).collect::<Result<Vec<Curve>, _>>();
+    let (light_filters, view_filters) = (read_all(&options.light_filter)?, read_all(&options.view_filter)?);
+    let behind = light_filters.iter().fold(Curve::constant(1.0), |product, curve| product.times(curve));
     let mut lights = Vec::new();
     for name in &options.light {
         let curve = named_spectra::light(name, job)?.times(&behind);
@@ -91,10 +94,9 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         .collect::<Result<_, CliError>>()?;
     let one = |name: &str, curve: &Curve| plot_curve(named_spectra::label(name), curve, range_nm);
     let light_curves: Vec<PlotCurve> = lights.iter().map(|(name, curve)| one(name, curve)).collect();
-    let mut filter_curves = Vec::new();
-    for name in options.light_filter.iter().chain(&options.view_filter) {
-        filter_curves.push(one(name, &named_spectra::filters(std::slice::from_ref(name), job)?));
-    }
+    let names = options.light_filter.iter().chain(&options.view_filter);
+    let filters = names.zip(light_filters.iter().chain(&view_filters));
+    let filter_curves: Vec<PlotCurve> = filters.map(|(name, curve)| one(name, curve)).collect();
     let first = lights.first().map(|(_, curve)| curve);
     let excitation = fluorophores
         .iter()
@@ -123,7 +125,7 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         &chain(&light_curves, &filter_curves, &excitation, &emission, &efficiency),
     )?;
     set.finish()?;
-    let kept = kept_by_filters(options, &fluorophores, &lights, &channels)?;
+    let kept = kept_by_filters(options.view_filter.iter().zip(&view_filters), &fluorophores, &lights, &channels);
     if options.answer.json {
         let names = ["lights", "filters", "excitation", "emission", "quantum_efficiency"];
         let list = |curves: &Vec<PlotCurve>| -> serde_json::Value {
@@ -167,12 +169,12 @@ struct LightPassed {
 }
 
 /// What each viewing filter keeps of each fluorophore under the first light. Engineers choose a long-pass by it and by what leaks.
-fn kept_by_filters(
-    options: &Options,
+fn kept_by_filters<'a>(
+    filters: impl Iterator<Item = (&'a String, &'a Curve)>,
     fluorophores: &[Fluorophore],
     lights: &[(&String, Curve)],
     channels: &[(String, Curve)],
-) -> Result<Vec<Kept>, CliError> {
+) -> Vec<Kept> {
     let light = lights.first().map(|(_, curve)| curve);
     // Of all channels of the sensor together
     let of_all = |nm: f64| channels.iter().map(|(_, curve)| curve.at(nm)).sum::<f64>();
@@ -188,23 +190,22 @@ fn kept_by_filters(
     };
     let photons = |light: &Curve| light.times(&Curve::from_fn(COUNTED_NM[0], COUNTED_NM[1], |nm| nm));
     let mut kept = Vec::new();
-    for name in &options.view_filter {
-        let filter = named_spectra::filters(std::slice::from_ref(name), &Messages::default().job())?;
+    for (name, filter) in filters {
         let passed = |(name, light): &(&String, Curve)| LightPassed {
             light: named_spectra::label(name),
-            percent: share(&photons(light), &filter),
+            percent: share(&photons(light), filter),
         };
         let lights_passed: Vec<LightPassed> = lights.iter().map(passed).collect();
         kept.extend(fluorophores.iter().map(|fluorophore| Kept {
             view_filter: named_spectra::label(name),
             fluorophore: fluorophore.title.clone(),
-            fluorescence_kept_percent: share(&emission(fluorophore, light), &filter),
+            fluorescence_kept_percent: share(&emission(fluorophore, light), filter),
             light_passed_percent: lights_passed.first().map(|passed| passed.percent),
             lights_passed: lights_passed.clone(),
             range_nm: COUNTED_NM,
         }));
     }
-    Ok(kept)
+    kept
 }
 
 /// Wavelengths over which photons are counted, nm.

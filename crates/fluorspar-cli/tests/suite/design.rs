@@ -329,6 +329,15 @@ fn a_folder_of_the_user_stands_beside_the_catalogue() {
     // Without the folder there is no such light
     let said = fluorspar(folder.path(), compare);
     assert!(said.code == Some(2) && said.stderr.contains("lab_led"), "{said:?}");
+    // Results are of the table that they were made from
+    let light = ["--set", "light.blue.spectrum=\"lab_led\"", "--set", "light.blue.filters=[]"];
+    let small = ["--set", "render.width_px=20", "--set", "render.height_px=16", "--out", "b", "-q"];
+    let (code, _, said) = run(&[&["run", "flat-patch", "--quick"][..], &light, &small].concat());
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(run(&["check", "b/experiment.toml"]).0, Some(0));
+    fs::write(mine.join("lights/lab_led.csv"), "wavelength_nm,power\n395,0\n401,5\n410,0\n").unwrap();
+    let (code, _, said) = run(&["check", "b/experiment.toml"]);
+    assert!(code == Some(2) && said.contains("mine/lights/lab_led.csv has changed since"), "{said}");
     for (file, content, words) in [
         ("filters/bad.csv", "wavelength_nm,T\n400,0.5\n500,1.5\n", "more than 1"),
         ("lights/bad.csv", "wavelength_nm,a,b\n400,1,1\n500,1,1\n", "one column"),

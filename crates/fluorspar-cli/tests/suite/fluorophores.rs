@@ -424,4 +424,10 @@ fn what_a_viewing_filter_keeps_is_the_ratio_of_the_integrals() {
     let of_file = "--qe={ csv = \"qe.csv\", unit = \"percent\" }";
     let drawn = fluorspar(folder, ["plot", of_file, "--json"]).json();
     assert_eq!(drawn["quantum_efficiency"].as_array().unwrap().len(), 3);
+    // How a file was read is said once
+    fs::write(folder.join("percent.csv"), "nm,T (%)\n400,1\n500,90\n").unwrap();
+    let drawn = fluorspar(folder, ["plot", "--light-filter=percent.csv", "--fluorophore=fad"]);
+    assert_eq!(drawn.stderr.matches("read as percent").count(), 1, "{drawn:?}");
+    let drawn = fluorspar(folder, ["plot", "--view-filter=percent.csv", "--fluorophore=fad"]);
+    assert_eq!(drawn.stderr.matches("read as percent").count(), 1, "{drawn:?}");
 }

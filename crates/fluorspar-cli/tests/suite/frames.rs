@@ -194,12 +194,19 @@ fn frames_that_do_not_fit_are_told_or_refused() {
         fluorspar_format::write_sensor_tiff(&folder.join(name), &frame, None).unwrap();
     };
     write("dark.tiff", "bggr", &|_| 63);
+    write("cut.tiff", "bggr", &|value| 3 * (value / 7 % 4) as u16);
     write("lit.tiff", "bggr", &|value| 100 + 500 * raw.channel_of(value) as u16);
     write("full.tiff", "bggr", &|_| 4000);
     write("flat.tiff", "rggb", &|_| 2000);
     let rectangle = ["--set", "analysis.rectangle_px=[8, 8, 30, 20]"];
     for (experiment, given, code, words) in [
         ("violet.toml", ["--dark", "dark.tiff"], 0, ""),
+        (
+            "violet.toml",
+            ["--dark", "cut.tiff"],
+            0,
+            "cut.tiff: 25 % of its values are 0, which cuts its noise",
+        ),
         ("violet.toml", ["--dark", "lit.tiff"], 2, "differ by far more than noise, R "),
         ("violet.toml", ["--dark", "full.tiff"], 2, "pixels of the dark frame \"bggr_jpeg\" are saturated"),
         ("violet.toml", ["--flat", "flat.tiff"], 2, "or another color filter array than frame \"violet\""),

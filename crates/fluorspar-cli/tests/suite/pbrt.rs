@@ -82,6 +82,10 @@ fn mistakes_end_with_two_and_name_their_places() {
             &["render", "good.pbrt", "--out", "good.pbrt"],
             "--out good.pbrt: the name must end in .exr or .npy",
         ),
+        (
+            &["render", "good.pbrt", "--components", "--out", "o.ome.zarr"],
+            "`fluorspar cube FILE.exr --components --out o.ome.zarr`",
+        ),
     ] {
         let said = fluorspar(folder.path(), args);
         assert_eq!(said.code, Some(2), "{args:?}: {said:?}");

@@ -218,7 +218,7 @@ fn a_tissue_is_solved_to_tables_and_figures() {
     assert!(
         read("fluorescence.csv").lines().next().unwrap().contains("405 nm_collagen_in_deep stroma_per_nm")
     );
-    assert!(read("eem.csv").starts_with("em_nm\\ex_nm,350,370"));
+    assert!(read("eem.csv").starts_with("# unit: photons\nem_nm\\ex_nm,350,370"));
     for name in ["reflectance", "fluorescence_405_nm", "eem"] {
         assert!(!read(&format!("{name}.svg")).contains("NaN"), "{name}");
         assert!(fs::metadata(folder.path().join(format!("out/{name}.png"))).unwrap().len() > 1000);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::context::{Context, Resolved, STRENGTH};
 use crate::cache::cached_surface_map;
 use crate::error::Place;
-use crate::preset::{self, CurvePreset};
+use crate::preset::{self, CurvePreset, PresetKind};
 use crate::schema::{
     AnatomyMap, CheckerMap, DorsalTongueMap, FilePath, MatlabSpectrum, NameOrTable, SpectrumReference,
     SpectrumTable, TextureReference, TextureTable,
@@ -49,7 +49,8 @@ impl Role {
     fn quantity(self) -> SpectrumQuantity {
         match self {
             Self::Light => SpectrumQuantity::SpectralPower,
-            Self::Filter | Self::Reflectance => SpectrumQuantity::Fraction,
+            Self::Filter => SpectrumQuantity::Transmittance,
+            Self::Reflectance => SpectrumQuantity::Fraction,
             Self::QuantumEfficiency => SpectrumQuantity::QuantumEfficiency,
             Self::Absolute => SpectrumQuantity::Stored,
             Self::AbsolutePower => SpectrumQuantity::AbsolutePower,
@@ -57,13 +58,13 @@ impl Role {
         }
     }
 
-    fn preset(self, name: &str) -> Result<CurvePreset, preset::PresetError> {
+    fn preset(self, name: &str) -> (PresetKind, Result<CurvePreset, preset::PresetError>) {
         match self {
             Self::Light | Self::Absolute | Self::AbsolutePower | Self::Coefficient => {
-                preset::light_spectrum(name)
+                (PresetKind::Light, preset::light_spectrum(name))
             }
-            Self::Filter | Self::QuantumEfficiency => preset::filter(name),
-            Self::Reflectance => preset::reflectance(name),
+            Self::Filter | Self::QuantumEfficiency => (PresetKind::Filter, preset::filter(name)),
+            Self::Reflectance => (PresetKind::Reflectance, preset::reflectance(name)),
         }
     }
 }
@@ -93,8 +94,10 @@ impl Context<'_> {
                 self.table(at, &table, role, grid)?
             }
             SpectrumReference::Text(NameOrTable::Name(name)) => {
-                let preset = role.preset(name).map_err(|error| self.error(at, error))?;
+                let (kind, preset) = role.preset(name);
+                let preset = preset.map_err(|error| self.error(at, error))?;
                 self.note_preset("curve", name, &preset);
+                self.note_entry(at, kind, name)?;
                 self.note_range(at, preset.valid_nm, grid);
                 preset.curve_at_angle(angle_deg)
             }

@@ -938,6 +938,12 @@ fn files_that_have_changed_since_are_refused() {
     // A viewing filter decides frames alone
     write("filter.csv", "wavelength_nm,transmittance\n300,0.4\n900,0.5\n");
     resolve(&open(&first.resolved_toml, &[]).unwrap()).unwrap();
+    // One before a light as well decides the render
+    let both = text.replace("\"lamp.csv\"", "\"lamp.csv\"\nfilters = [\"filter.csv\"]");
+    let both = resolve(&open(&both, &[]).unwrap()).unwrap().record.resolved_toml;
+    write("filter.csv", "wavelength_nm,transmittance\n300,0.3\n900,0.5\n");
+    let error = resolve(&open(&both, &[]).unwrap()).unwrap_err().to_string();
+    assert!(error.contains("filter.csv has changed since"), "{error}");
     write("lamp.csv", &lamp(2.0));
     let error = resolve(&open(&first.resolved_toml, &[]).unwrap()).unwrap_err().to_string();
     assert!(error.contains("lamp.csv has changed since") && error.contains("--unset files"), "{error}");

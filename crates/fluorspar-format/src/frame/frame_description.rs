@@ -391,10 +391,12 @@ impl Facts<'_> {
         self.say_label(&mut label);
         let (mosaic, samples) = self.mosaic_of(path, pixels, first);
         let of_white = in_first(50_717).map(|white| bits_of(white.clamp(1.0, 65_535.0) as u16));
-        // Larger values are scaled to all bits of the file
+        // A PNG scales samples to all its bits; some hold them as they are
+        let is_scaled = |bits: &u8| pixels.bits == 16 && unused_bits(&pixels.data) >= u32::from(16 - bits);
         let holds = |bits: u8| pixels.data.iter().all(|&value| bits_of(value) <= bits);
         let told = significant_bits.map(|bits| if holds(bits) { bits } else { pixels.bits });
-        let (bits, left_shift) = self.bits_of_pixels(path, pixels, of_white.or(told))?;
+        let scaled = significant_bits.filter(is_scaled);
+        let (bits, left_shift) = self.bits_of_pixels(path, pixels, of_white.or(told), scaled)?;
         let blacks = first.map_or(Vec::new(), |d| d.numbers(50_714));
         if given.black_level.is_none() && blacks.iter().any(|black| *black != blacks[0]) {
             let what = format!("its black levels differ from place to place: {blacks:?}");
@@ -434,13 +436,14 @@ impl Facts<'_> {
         path: &Path,
         pixels: &TiffPixels,
         of_white: Option<u8>,
+        scaled: Option<u8>,
     ) -> Result<(u8, u8), FormatError> {
         let given = self.given;
         let most = pixels.data.iter().copied().max().unwrap_or(0);
         let is_wide = pixels.bits == 16;
         let unused = if is_wide { unused_bits(&pixels.data) as u8 } else { 0 };
         let found = if is_wide { left_aligned_bits(&pixels.data, 0) } else { None };
-        let bits = match (given.bit_depth, given.is_left_aligned, found) {
+        let bits = match (given.bit_depth, given.is_left_aligned || scaled.is_some(), scaled.or(found)) {
             (Some(bits), false, _) if u32::from(most) >> bits.min(16) == 0 => None,
             (Some(bits), ..) => {
                 if u32::from(unused) + u32::from(bits) < 16 {
@@ -464,7 +467,7 @@ impl Facts<'_> {
             }
             (None, true, found) => {
                 let bits = found.unwrap_or(16 - unused.min(15));
-                Some((bits, FactSource::Assumed))
+                Some((bits, if scaled.is_some() { FactSource::Tag } else { FactSource::Assumed }))
             }
             (None, false, Some(bits)) => Some((bits, FactSource::Assumed)),
             (None, false, None) => None,
@@ -475,7 +478,7 @@ impl Facts<'_> {
                 alignment_words(bits, 16 - bits),
                 1u32 << (16 - bits)
             );
-            self.say("bit_depth", source, if source == FactSource::Given { "" } else { &remark });
+            self.say("bit_depth", source, if source == FactSource::Assumed { &remark } else { "" });
             return Ok((bits, 16 - bits));
         }
         let guess = [8, 10, 12, 14, 16]

@@ -142,6 +142,18 @@ fn read_by_description(path: &Path, start: &[u8]) -> Result<JudgedFrame, FormatE
     }
 }
 
+/// Samples without what scaled them to 16 bits, below those that count: the format has it so, by repeating the upper bits or by a factor. Of
+/// files that store numbers of fewer bits as they are nothing is taken.
+fn unscaled(mut samples: Vec<u16>, significant: Option<u8>) -> Vec<u16> {
+    let Some(bits @ 1..16) = significant else { return samples };
+    let below = u16::MAX >> bits;
+    let is_scaled = |value: &u16| u32::from(value & below) <= (u32::from(*value) + (1 << (bits - 1))) >> bits;
+    if samples.iter().all(is_scaled) {
+        samples.iter_mut().for_each(|value| *value &= !below);
+    }
+    samples
+}
+
 /// A frame as PNG: one number or three a pixel.
 pub(crate) fn read_frame_png(path: &Path) -> Result<StoredFrame, FormatError> {
     let raw = read_png(path, size_of::<u16>() as u64)?;
@@ -153,13 +165,14 @@ pub(crate) fn read_frame_png(path: &Path) -> Result<StoredFrame, FormatError> {
     if let Some(told_by) = raw.tone_curve {
         return Err(tone_curve_error(path, told_by));
     }
+    let (orientation, bits) = (raw.orientation, raw.significant_bits);
     let data = match raw.depth {
         BitDepth::Sixteen => {
-            raw.bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()
+            let values = raw.bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]]));
+            unscaled(values.collect(), bits)
         }
         _ => raw.bytes.iter().map(|&byte| u16::from(byte)).collect(),
     };
-    let (orientation, bits) = (raw.orientation, raw.significant_bits);
     let tags = FrameTags { orientation, bits, ..FrameTags::default() };
     Ok(StoredFrame { width: raw.width, height: raw.height, data, tags, ..StoredFrame::default() })
 }

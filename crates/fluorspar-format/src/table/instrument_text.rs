@@ -251,10 +251,31 @@ pub(crate) fn names_wavelengths(header: &str) -> bool {
 /// Lines above the rows among which the header is looked for.
 const HEADER_WITHIN: usize = 4;
 
+/// Marks in front of all lines that begin with a number: of columns with nothing in them.
+fn empty_in_front(text: &str) -> usize {
+    let is_row = |line: &&str| {
+        let first = line.trim_start_matches(MARKS).split(MARKS).next().unwrap_or_default();
+        first.split_whitespace().next().is_some_and(|cell| cell.trim_matches('"').parse::<f64>().is_ok())
+    };
+    text.lines().map(|line| line.trim_start_matches(' ')).filter(is_row).map(marks_in_front).min().unwrap_or(0)
+}
+
+/// What may separate cells, besides blanks.
+const MARKS: [char; 3] = ['\t', ';', ','];
+
+fn marks_in_front(line: &str) -> usize {
+    line.len() - line.trim_start_matches(MARKS).len()
+}
+
 /// Finds the table: the longest run of lines of numbers, however they are separated. `None` where no two lines follow each other that
 /// hold numbers.
 pub(crate) fn find_table(text: &str) -> Option<TextTable> {
-    let lines = text.lines().enumerate().map(|(index, line)| (index as u64 + 1, line.trim()));
+    let empty = empty_in_front(text);
+    // Marks in front stand for cells, as below the end of the first of several pairs
+    let lines = text.lines().enumerate().map(|(index, line)| {
+        let line = line.trim_end().trim_start_matches(' ');
+        (index as u64 + 1, line[marks_in_front(line).min(empty)..].trim_start_matches(' '))
+    });
     let all: Vec<(u64, &str)> = lines.filter(|(_, line)| !line.is_empty()).collect();
     let held: Vec<(u64, &str)> = all.iter().copied().filter(|(_, line)| !line.starts_with('#')).collect();
     let cells_of = |form: Form| held.iter().map(|(_, line)| form.cells(line)).collect::<Vec<_>>();
@@ -296,7 +317,7 @@ pub(crate) fn find_table(text: &str) -> Option<TextTable> {
         header_line,
         header,
         rows: rows.collect(),
-        preamble: above.into_iter().map(|(_, line)| line.to_string()).collect(),
+        preamble: above.into_iter().map(|(_, line)| line.trim().to_string()).collect(),
         read_as: read_as.into_iter().flatten().collect(),
         mixed,
     })
@@ -361,7 +382,7 @@ fn longest_run(form: Form, cells: &[Vec<&str>]) -> std::ops::Range<usize> {
 }
 
 /// The run with all other lines that must be rows of the same table, so that a wrong one among them is told: those as wide that begin with
-/// a number, and what lies between.
+/// a number, or go on where the first of several spectra has ended, and what lies between.
 fn extended(
     form: Form,
     cells: &[Vec<&str>],
@@ -377,6 +398,10 @@ fn extended(
     };
     let belongs = |line: &Vec<&str>| is_as_wide(line) && form.number(line[0]).is_some();
     let is_row = |line: &Vec<&str>| belongs(line) && form.is_row(line);
+    let goes_on = |line: &Vec<&str>| {
+        let empty = line.iter().take_while(|cell| cell.is_empty()).count();
+        form.mark.is_some() && empty > 0 && line.len() <= width && form.is_row(&line[empty..])
+    };
     let mut start = run.start;
     while let Some(back) = cells[..start].iter().rev().take(LINES_BETWEEN + 1).position(is_row) {
         start -= back + 1;
@@ -385,7 +410,8 @@ fn extended(
         start -= 1;
     }
     let mut end = run.end;
-    while let Some(more) = cells[end..].iter().take(LINES_BETWEEN + 1).position(belongs) {
+    while let Some(more) = cells[end..].iter().take(LINES_BETWEEN + 1).position(|line| belongs(line) || goes_on(line))
+    {
         end += more + 1;
     }
     start..end
@@ -393,6 +419,11 @@ fn extended(
 
 /// The header above the rows: its line, its cells, and how many lines it takes.
 fn header(form: Form, above: &[(u64, &str)], width: usize) -> Option<(u64, Vec<String>, usize)> {
+    // "YAxis,Counts" says what an axis is of
+    let is_axis = |cell: &&str| cell.to_lowercase().ends_with("axis");
+    if above.last().is_some_and(|(_, line)| matches!(&form.cells(line)[..], [axis, of, ..] if is_axis(axis) && !is_axis(of))) {
+        return None;
+    }
     let cells_of = |line: &str| -> Option<Vec<String>> {
         let line = line.trim_start_matches(['#', '%']).trim();
         let of_other_marks = FORMS.into_iter().filter(|other| !other.has_decimal_commas);

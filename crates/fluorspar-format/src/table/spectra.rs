@@ -311,6 +311,10 @@ impl SpectrumReader<'_> {
         let [named, other] = [axis, beside.unwrap_or(axis)].map(|column| self.table.column_name(column));
         self.say(beside.map(|_| format!("{named} as wavelengths, not {other}")));
         let chosen = self.chosen(&columns)?;
+        // Who names a column knows what it holds, as of a mirror that stands for a filter
+        if !matches!(self.options.columns, SpectrumColumns::Named(_)) {
+            chosen.iter().try_for_each(|column| self.refuse_reflectance(column.values))?;
+        }
         self.read_columns(Axes { scale_to_nm: unit }, &chosen)
     }
 
@@ -636,7 +640,7 @@ impl SpectrumReader<'_> {
             |place: &usize| (columns[*place].values < columns[*place].axis, is_comparison(&names[*place]));
         let place = (0..columns.len()).min_by_key(rank).unwrap_or(0);
         let is_raw = RawColumns::find(names).is_some_and(|raw| raw.sample == place);
-        if is_raw && self.options.quantity == SpectrumQuantity::Fraction {
+        if is_raw && self.options.quantity.is_fraction() {
             return Err(self.in_header(
                 "the columns are what was measured: sample, dark and reference",
                 "Export the transmittance or reflectance, or add a column of it: (sample - dark) / (reference - dark)",
@@ -700,13 +704,17 @@ impl SpectrumReader<'_> {
         let header = self.headers()[column].to_lowercase();
         let mut words = header.split(|c: char| c.is_whitespace() || "([,".contains(c));
         let first = words.next().unwrap_or_default();
-        let states =
-            |word: &str| ["t", "r"].contains(&word) || word.starts_with("trans") || word.starts_with("refl");
+        let states = |word: &str| {
+            let word = word.trim_matches(|c: char| !c.is_alphanumeric());
+            ["t", "r"].contains(&word) || word.starts_with("trans") || word.starts_with("refl")
+        };
+        let stated = stated_unit(&self.headers()[column]);
+        let is_logarithm = matches!(stated, StatedUnit::Known(ValueUnit::OpticalDensity | ValueUnit::Decibel));
         // Beside B an A is the name of a sample, as any a is
+        let is_b = |other: &String| other == "B" || other.starts_with("B ");
         let is_sample = first == "a"
-            && (self.headers()[column].starts_with('a') || self.headers().iter().any(|other| other == "B"));
-        let is_asked =
-            self.options.quantity == SpectrumQuantity::Fraction && !is_sample && !words.any(states);
+            && (self.headers()[column].starts_with('a') || self.headers().iter().any(is_b));
+        let is_asked = self.options.quantity.is_fraction() && !is_sample && !is_logarithm && !words.any(states);
         match OTHERS.iter().find(|other| is_asked && first == **other) {
             None => Ok(()),
             Some(other) => Err(FormatError::unit(
@@ -720,10 +728,33 @@ impl SpectrumReader<'_> {
         }
     }
 
-    /// Refuses a responsivity without a unit: it may be in A/W, or of another scale.
+    /// Refuses a reflectance where a transmittance is wanted. Beside G an R is red.
+    fn refuse_reflectance(&self, column: usize) -> Result<(), FormatError> {
+        let is_asked = self.options.quantity == SpectrumQuantity::Transmittance
+            && !self.headers().iter().any(|header| header == "G");
+        let texts = [self.headers()[column].as_str(), self.words_of_unit(column)];
+        if !is_asked || !texts.into_iter().any(is_reflectance) {
+            return Ok(());
+        }
+        let name = self.table.column_name(column);
+        let header = excerpt(&self.headers()[column]);
+        Err(FormatError::unit(
+            self.path,
+            format!("column {name} is of what comes back, not of what passes"),
+            format!(
+                "Export the transmittance; of a mirror, name the column: {{ csv = \"{}\", column = \"{header}\" }}",
+                self.path.display()
+            ),
+        ))
+    }
+
+    /// Refuses a responsivity by any of its names without a unit: it may be in A/W, or of another scale.
     fn refuse_responsivity(&self, column: usize) -> Result<(), FormatError> {
-        let is_asked = self.options.quantity == SpectrumQuantity::QuantumEfficiency
-            && words_of(&self.headers()[column]).any(|word| word.starts_with("responsiv"));
+        let header = &self.headers()[column];
+        let words = words_of(header).collect::<Vec<_>>().join(" ");
+        let is_named = ["photosensitiv", "sensitivit", "spectral respons"].iter().any(|name| words.contains(name));
+        let is_responsivity = words.contains("responsiv") || is_named && !is_relative(header);
+        let is_asked = self.options.quantity == SpectrumQuantity::QuantumEfficiency && is_responsivity;
         if !is_asked || stated_unit(self.words_of_unit(column)) != StatedUnit::Unstated {
             return Ok(());
         }
@@ -801,10 +832,10 @@ impl SpectrumReader<'_> {
             });
         }
         self.sort(&mut samples);
-        if unit == Some(ValueUnit::OpticalDensity) && self.options.quantity == SpectrumQuantity::Fraction {
+        if unit == Some(ValueUnit::OpticalDensity) && self.options.quantity.is_fraction() {
             self.refuse_density_of_zero(column.values, &samples)?;
         }
-        if self.options.quantity == SpectrumQuantity::Fraction {
+        if self.options.quantity.is_fraction() {
             let largest = self.must_be_percent(&samples, column.values).filter(|_| unit.is_none());
             if let Some(largest) = largest {
                 self.say(Some(format!("without a unit, with values up to {largest:.1}, taken for percent")));
@@ -867,7 +898,7 @@ impl SpectrumReader<'_> {
         let all = 0..=u64::MAX;
         let raw = RawColumns::find(self.headers()).filter(|_| {
             let is_computed = !RawColumns::is_raw(&self.headers()[column.values]);
-            is_computed && self.options.quantity == SpectrumQuantity::Fraction
+            is_computed && self.options.quantity.is_fraction()
         });
         let Some(raw) = raw else { return Ok((stated, all)) };
         let mut rows = Vec::with_capacity(self.table.row_count());
@@ -915,7 +946,8 @@ impl SpectrumReader<'_> {
             let value = self.table.number(self.path, row, column.values)?;
             let Some(nm) = self.table.number(self.path, row, column.axis)? else {
                 // The end of the shorter of two pairs of columns
-                if value.is_none() && column.axis > 0 {
+                let has_pairs = || self.headers()[1..].iter().any(|header| names_wavelengths(header));
+                if value.is_none() && (column.axis > 0 || has_pairs()) {
                     continue;
                 }
                 return Err(FormatError::at_line(
@@ -1029,7 +1061,7 @@ impl SpectrumReader<'_> {
         sorted.sort_by(f64::total_cmp);
         let is_alone = sorted.iter().rev().nth(1).is_none_or(|second| PLAUSIBLE.contains(second));
         let path = self.path.display();
-        let is_fraction = self.options.quantity == SpectrumQuantity::Fraction;
+        let is_fraction = self.options.quantity.is_fraction();
         let percent = 100.0 * if is_fraction { *PLAUSIBLE.end() } else { LARGEST_EFFICIENCY };
         match self.options.quantity {
             _ if is_alone && values.len() > 2 && (unit.is_some() || largest > percent) => {
@@ -1042,7 +1074,7 @@ impl SpectrumReader<'_> {
                 )
             }
             _ if unit.is_none() && largest <= percent => unit_hint(self.path, ValueUnit::Percent),
-            SpectrumQuantity::Fraction => format!(
+            _ if is_fraction => format!(
                 "Choose a column that holds a transmittance or reflectance; if its white was too dark, give the file as \
                  {{ csv = \"{path}\", scale = 0.25 }}, with the factor that makes it one"
             ),
@@ -1077,7 +1109,7 @@ impl SpectrumReader<'_> {
                 *value = 0.0;
             }
             let too_large = match quantity {
-                SpectrumQuantity::Fraction if value.min(near.mean - near.within) > *PLAUSIBLE.end() => {
+                _ if quantity.is_fraction() && value.min(near.mean - near.within) > *PLAUSIBLE.end() => {
                     Some("more than 1")
                 }
                 SpectrumQuantity::QuantumEfficiency if *value > LARGEST_EFFICIENCY => {
@@ -1090,7 +1122,7 @@ impl SpectrumReader<'_> {
                 let what = format!("column {column} holds {}, {what}{}", sample.value, in_unit(unit));
                 return Err(FormatError::at_line(self.path, sample.row.line, what, hint_of_large));
             }
-            if quantity == SpectrumQuantity::Fraction && *value > 1.0 && refuses {
+            if quantity.is_fraction() && *value > 1.0 && refuses {
                 above = (above.0 + 1, above.1.max(*value));
                 *value = 1.0;
             }
@@ -1237,10 +1269,16 @@ fn kind_of(header: &str) -> Option<&'static str> {
         "r" | "rs" | "rp" | "ravg" => Some("reflectance"),
         "ex" | "exc" => Some("excitation"),
         "em" => Some("emission"),
-        _ => ["transmi", "reflect", "excitation", "emission", "dichroic"]
+        _ => ["transmittance", "reflectance", "excitation", "emission", "dichroic"]
             .into_iter()
-            .find(|start| word.starts_with(start)),
+            .find(|kind| word.starts_with(&kind[..7])),
     })
+}
+
+/// Whether a text names a reflectance and no transmittance; what is anti-reflective passes more.
+fn is_reflectance(text: &str) -> bool {
+    let is = |kind: &str| words_of(text).any(|word| kind_of(&word) == Some(kind));
+    is("reflectance") && !is("transmittance") && !words_of(text).any(|word| word == "anti")
 }
 
 /// The column that a spectrometer computed from its sample, dark and reference.

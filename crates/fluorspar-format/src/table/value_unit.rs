@@ -11,6 +11,8 @@ pub enum SpectrumQuantity {
     Stored,
     /// Transmittance or reflectance, 0 to 1.
     Fraction,
+    /// Transmittance, 0 to 1.
+    Transmittance,
     /// Power per nm, of any scale.
     SpectralPower,
     /// Electrons per photon.
@@ -22,6 +24,10 @@ pub enum SpectrumQuantity {
 }
 
 impl SpectrumQuantity {
+    pub(crate) fn is_fraction(self) -> bool {
+        matches!(self, Self::Fraction | Self::Transmittance)
+    }
+
     /// What values of a column with this header are multiplied by, where they are absolute; otherwise `None`.
     ///
     /// # Errors
@@ -34,7 +40,7 @@ impl SpectrumQuantity {
                 StatedUnit::Known(ValueUnit::Energy) => power_factor(header),
                 _ => None,
             },
-            Self::Coefficient => coefficient_factor(&header.to_lowercase(), &stated),
+            Self::Coefficient => coefficient_factor(header, &stated),
             _ => return Ok(None),
         };
         factor.map(Some).ok_or_else(|| match stated {
@@ -46,21 +52,47 @@ impl SpectrumQuantity {
 
     /// The unit that absolute values become.
     pub(crate) fn absolute_unit(self) -> &'static str {
-        if self == Self::Coefficient { "1/mm" } else { "W/(m² nm), of radiance W/(sr m² nm)" }
+        if self == Self::Coefficient { "1/mm to base e" } else { "W/(m² nm), of radiance W/(sr m² nm)" }
     }
 }
 
 /// Lengths in mm.
-const LENGTHS_MM: [(&str, f64); 6] =
-    [("mm", 1.0), ("cm", 10.0), ("m", 1000.0), ("µm", 1e-3), ("μm", 1e-3), ("um", 1e-3)];
+const LENGTHS_MM: [(&str, f64); 12] = [
+    ("mm", 1.0),
+    ("millimeter", 1.0),
+    ("millimetre", 1.0),
+    ("cm", 10.0),
+    ("centimeter", 10.0),
+    ("centimetre", 10.0),
+    ("m", 1000.0),
+    ("meter", 1000.0),
+    ("metre", 1000.0),
+    ("µm", 1e-3),
+    ("μm", 1e-3),
+    ("um", 1e-3),
+];
+/// Words for logarithms to base 10.
+const DECADIC: [&str; 9] =
+    ["absorbance", "abs", "od", "db", "decadic", "decimal", "log", "log10", "lg"];
 
 /// What coefficients in the unit of a header are multiplied by to be in 1/mm; `None` of other quantities.
-fn coefficient_factor(lower: &str, stated: &StatedUnit) -> Option<f64> {
-    if is_relative(lower) || lower.contains("mol") {
+fn coefficient_factor(header: &str, stated: &StatedUnit) -> Option<f64> {
+    let lower = &*header.to_lowercase();
+    let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    // "Abs. coefficient" is of absorption
+    let is_decadic = |word: &&str| DECADIC.contains(word) && !(*word == "abs" && lower.contains("coef"));
+    let of_amounts = ["mol", "/g", "/mg", "g-1"].iter().any(|unit| with_signs(lower).contains(unit));
+    if is_relative(lower) || of_amounts || is_multiplied(lower) || words.iter().any(is_decadic) {
         return None;
     }
+    // The length of a cuvette has a number: "absorption at 1 cm"
+    let is_length = |word: &str| word.starts_with(char::is_alphabetic) && (word.ends_with("cm") || word.starts_with("centimet"));
+    let names_length = |pair: &[&str]| is_length(pair[1]) && pair[0].parse::<f64>().is_err();
     match lengths_of(lower)[..] {
+        // A is an absorbance, a may be natural
+        [_] if header.starts_with('A') && words[0] == "a" => None,
         [mm] => Some(1.0 / mm),
+        [] if words.first().is_some_and(|word| is_length(word)) || words.windows(2).any(names_length) => None,
         [] => bracketed(lower)
             .map_or(*stated == StatedUnit::Unstated, |unit| NO_UNIT.contains(&unit))
             .then_some(1.0),
@@ -68,16 +100,37 @@ fn coefficient_factor(lower: &str, stated: &StatedUnit) -> Option<f64> {
     }
 }
 
+/// Whether a header in lower case multiplies its unit: "[10^3 1/cm]", "1/mm x1000".
+fn is_multiplied(lower: &str) -> bool {
+    let parted = |c: char| c.is_whitespace() || "[](),;/·".contains(c);
+    let unit = bracketed(lower).filter(|unit| !lengths_of(unit).is_empty());
+    let first = unit.and_then(|unit| unit.split(parted).next()).unwrap_or_default();
+    (first != "1" && first.starts_with(|c: char| c.is_ascii_digit())) || lower.split(parted).skip(1).any(is_times)
+}
+
+/// Whether a word is a factor: "x1000", "10^3".
+fn is_times(word: &str) -> bool {
+    word.strip_prefix(['x', '×', '*']).is_some_and(|of| of.parse::<f64>().is_ok())
+        || word.strip_prefix("10").is_some_and(|of| of.starts_with(['^', '*', '⁻', '²', '³', '⁴', '⁵', '⁶']))
+}
+
+/// A text with one spelling of exponents.
+fn with_signs(lower: &str) -> String {
+    let plain = lower.replace(['^', '{', '}', '\u{b7}'], "").replace("⁻¹", "-1");
+    plain.replace(['\u{2212}', '\u{2013}'], "-").replace('_', " ").replace(" -1", "-1")
+}
+
 /// Lengths that a text in lower case names as those that something is per, in mm: `1/cm`, `per_cm`, `cm^-1`.
 pub(crate) fn lengths_of(lower: &str) -> Vec<f64> {
-    let mut plain = lower.replace(['^', '{', '}', '\u{b7}'], "").replace("⁻¹", "-1").replace('_', " ");
-    plain = plain.replace(" / ", "/").replace("/ ", "/").replace(" -1", "-1");
+    let plain = with_signs(lower).replace(" / ", "/").replace("/ ", "/");
     let ends = |text: &str| !text.starts_with(char::is_alphanumeric);
     let is_per = |(place, _): (usize, &str), length: &str| {
         let (before, behind) = (&plain[..place], &plain[place + length.len()..]);
         let is_in_front = before.ends_with('/') || before.ends_with("per ");
-        let is_behind = behind.strip_prefix("-1").is_some_and(ends);
-        let is_word = !before.ends_with(char::is_alphanumeric) && (ends(behind) || is_behind);
+        // "M-1cm-1"
+        let is_behind = behind.strip_prefix("-1").is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_digit()));
+        let begins = !before.ends_with(char::is_alphanumeric) || before.ends_with("-1");
+        let is_word = begins && (ends(behind) || is_behind);
         is_word && (is_in_front || is_behind)
     };
     let mut found = LENGTHS_MM.to_vec();
@@ -101,8 +154,6 @@ fn power_factor(header: &str) -> Option<f64> {
     let Some(place) = words.iter().position(|word| of_power(word).is_some()) else { return Some(1.0) };
     // A factor before the unit: "10^-3 W/m2", "x1000 (W/m2)"
     let before = lower.find(words[place]).map_or("", |at| lower[..at].trim_end_matches([' ', '*', '·', '×']));
-    let is_times =
-        |word: &str| word.strip_prefix(['x', '×', '*']).is_some_and(|of| of.parse::<f64>().is_ok());
     if before.ends_with(|c: char| c.is_ascii_digit()) || whole.split_whitespace().any(is_times) {
         return None;
     }
@@ -305,7 +356,8 @@ fn unit_in(lower: &str) -> StatedUnit {
         let before = lower[..at].trim_end();
         !(before.ends_with(|c: char| c.is_ascii_digit()) && before.starts_with(char::is_alphabetic))
     });
-    if is_percent || lower.contains("per cent") || starts(&percents) || has(&["pct"]) {
+    let is_per_cent = words.windows(2).any(|pair| pair == ["per", "cent"]);
+    if is_percent || is_per_cent || starts(&percents) || has(&["pct"]) {
         return known(ValueUnit::Percent);
     }
     if RESPONSIVITY.iter().any(|unit| prefix(lower, unit).is_some()) || starts(&["ampere"]) {
@@ -381,7 +433,7 @@ impl Conversion {
         let fits = match (quantity, unit) {
             (SpectrumQuantity::Stored, _) | (_, ValueUnit::Percent | ValueUnit::Fraction) => true,
             (SpectrumQuantity::AbsolutePower | SpectrumQuantity::Coefficient, _) => true,
-            (SpectrumQuantity::Fraction, unit) => {
+            (SpectrumQuantity::Fraction | SpectrumQuantity::Transmittance, unit) => {
                 matches!(unit, ValueUnit::OpticalDensity | ValueUnit::Decibel)
             }
             (SpectrumQuantity::SpectralPower, unit) => {
@@ -394,6 +446,7 @@ impl Conversion {
                 "any"
             }
             SpectrumQuantity::Fraction => "a transmittance or reflectance",
+            SpectrumQuantity::Transmittance => "a transmittance",
             SpectrumQuantity::SpectralPower => "the spectrum of a light",
             SpectrumQuantity::QuantumEfficiency => "a quantum efficiency",
         };
@@ -470,6 +523,16 @@ mod tests {
             (Coefficient, "# unit: 1/cm", 0.1),
             (Coefficient, "absorption_per_mm", 1.0),
             (Coefficient, "absorption at 5 mm", 1.0),
+            (Coefficient, "absorption in 1 cm cuvettes", 1.0),
+            (Coefficient, "mua per centimeter", 0.1),
+            (Coefficient, "mua 1/centimeter", 0.1),
+            (Coefficient, "mua cm\u{2212}1", 0.1),
+            (Coefficient, "absorption cm\u{2013}1", 0.1),
+            (Coefficient, "ua [cm^-1]", 0.1),
+            (Coefficient, "Abs. coefficient (1/cm)", 0.1),
+            (Coefficient, "mua, 10 mg/ml (1/cm)", 0.1),
+            (Coefficient, "a", 1.0),
+            (Coefficient, "mua_mm", 1.0),
         ] {
             let found = quantity.absolute_factor(header).unwrap().unwrap();
             assert!((found / factor - 1.0).abs() < 1e-12, "{header}: {found}");
@@ -487,6 +550,21 @@ mod tests {
             (Coefficient, "epsilon (M-1 cm-1)"),
             (Coefficient, "absorbance"),
             (Coefficient, "epsilon (1/(mol cm))"),
+            (Coefficient, "epsilon M-1cm-1"),
+            (Coefficient, "extinction cm-1M-1"),
+            (Coefficient, "extinction L g-1 cm-1"),
+            (Coefficient, "absorption (dB/cm)"),
+            (Coefficient, "absorption OD/cm"),
+            (Coefficient, "absorbance (1/cm)"),
+            (Coefficient, "A (1/cm)"),
+            (Coefficient, "decadic (1/cm)"),
+            (Coefficient, "a (log10) 1/cm"),
+            (Coefficient, "mua [10^3 1/cm]"),
+            (Coefficient, "mua (1000/cm)"),
+            (Coefficient, "mua (x10 1/cm)"),
+            (Coefficient, "mua 1/mm x1000"),
+            (Coefficient, "ODcm-1"),
+            (Coefficient, "mua_cm"),
         ] {
             assert!(quantity.absolute_factor(header).is_err(), "{header}");
         }

@@ -1014,9 +1014,16 @@ fn a_png_tells_the_bits_of_its_converter() {
     let values: Vec<u16> = (0..32).map(|i| 70 + 3 * i).collect();
     assert_eq!(described(&values, 14), (("14".into(), FactSource::Tag), "16383 DN".into()));
     assert_eq!(described(&values, 16).0.1, FactSource::Assumed);
-    // Scaled to all bits of the file
-    let scaled: Vec<u16> = values.iter().map(|value| value << 6 | 1).collect();
-    assert_eq!(described(&scaled, 10).0, ("16".into(), FactSource::Tag));
+    // Scaled to all bits of the file, as the format has it, dim values, too
+    for (bits, scale) in [(10, 64.0), (10, 65_535.0 / 1023.0), (14, 4.0), (14, 65_535.0 / 16_383.0)] {
+        let scaled: Vec<u16> =
+            values.iter().map(|value| (f64::from(*value) * scale).round() as u16).collect();
+        assert_eq!(described(&scaled, bits).0, (bits.to_string(), FactSource::Tag), "{scale}");
+        let given = FrameFacts { exposure_s: Some(0.01), ..FrameFacts::default() };
+        describe_frame(&path, &given).unwrap().write().unwrap();
+        assert_eq!(read_sensor_image(&path).unwrap().image.data, values, "{scale}");
+        fs::remove_file(folder.path().join("frame.png.json")).unwrap();
+    }
 }
 
 #[test]

@@ -255,6 +255,49 @@ const LAYOUTS: &[Layout] = &[
         &[0.5, 0.25],
     ),
     (
+        "axes of a fluorometer by name above the numbers",
+        "sample1\nType,Emission Scan\nExcitation Wavelength,385.00\nLabels,\nXAxis,Wavelength(nm)\nYAxis,Counts,\n\n\
+             400,200,\n500,150,\n600,300,\n",
+        SpectrumQuantity::SpectralPower,
+        &[400.0, 500.0, 600.0],
+        &[0.5, 0.3, 0.5],
+    ),
+    (
+        "a title as wide as its table, and a first column without anything",
+        "FEL0450 Data,,,\n,Wavelength (nm),Transmission (%),Optical Density\n,400,1,2\n,450,50,0.3\n,500,90,.05\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 450.0, 500.0],
+        &[0.01, 0.5, 0.9],
+    ),
+    (
+        "percent of a sample called A",
+        "A,,B,\nWavelength (nm),%T,Wavelength (nm),%T\n400,50,400,1\n410,25,410,2\n",
+        SpectrumQuantity::Transmittance,
+        &[400.0, 410.0],
+        &[0.5, 0.25],
+    ),
+    (
+        "percent of A beside B",
+        "nm,A (%),B (%)\n400,50,1\n410,25,2\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 410.0],
+        &[0.5, 0.25],
+    ),
+    (
+        "decibels of an attenuation",
+        "nm,Attenuation (dB)\n400,20\n410,10\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 410.0],
+        &[0.01, 0.1],
+    ),
+    (
+        "a density with its unit",
+        "nm,Density (OD)\n400,2\n410,1\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 410.0],
+        &[0.01, 0.1],
+    ),
+    (
         "decibels of a transmission",
         "Wavelength (nm),T (dB)\n400,-20\n500,-10\n600,0\n",
         SpectrumQuantity::Fraction,
@@ -429,10 +472,35 @@ fn values_that_can_not_be_the_quantity_are_refused_with_their_cure() {
             SpectrumQuantity::Fraction,
             "column \"T\" holds -0.25, below zero.",
         ),
+        (
+            "nm,(1.e. Reflectance (%)\n400,4\n410,3\n",
+            SpectrumQuantity::Transmittance,
+            "is of what comes back, not of what passes. Export the transmittance; of a mirror, name the column: { csv = \"t.csv\"",
+        ),
+        (
+            "nm,R (%)\n400,4\n410,3\n",
+            SpectrumQuantity::Transmittance,
+            "column \"R (%)\" is of what comes back",
+        ),
+        (
+            "# Y units: Reflectance (%)\nnm,x\n400,4\n410,3\n",
+            SpectrumQuantity::Transmittance,
+            "column \"x\" is of what",
+        ),
     ];
     for (text, quantity, said) in cases {
         let error = read_bytes("t.csv", text.as_bytes(), &as_quantity(quantity)).unwrap_err();
         assert!(error.contains(said), "{error}");
+    }
+    // A mirror that is named as such, T of what reflects little, the red one of three filters
+    for (text, column) in [
+        ("nm,R (%)\n400,50\n410,25\n", SpectrumColumns::Named(vec!["R (%)".into()])),
+        ("nm,Transmission (anti-reflective, %)\n400,50\n410,25\n", SpectrumColumns::One),
+        ("nm,R,G,B\n400,0.5,0.1,0.1\n410,0.25,0.1,0.1\n", SpectrumColumns::One),
+    ] {
+        let options = SpectrumOptions { columns: column, ..as_quantity(SpectrumQuantity::Transmittance) };
+        let read = read_bytes("t.csv", text.as_bytes(), &options).unwrap();
+        assert_eq!(read.curves[0].curve.values(), [0.5, 0.25]);
     }
     // Noise about 0 and 1 is no error, but told
     let (_, values, read_as) =
@@ -616,6 +684,24 @@ fn samples_named_above_pairs_of_columns_are_told_apart() {
     assert!(read_as.contains("column \"short (%T)\" of Baseline 100%T (%T), short (%T)"), "{read_as}");
 }
 
+/// Each of several pairs of columns ends by itself, whatever parts their cells.
+#[test]
+fn pairs_of_columns_may_be_of_any_lengths() {
+    let table = "nm,R,nm,G,nm,B\n400,.02,400,.03,400,.04\n450,.1,450,.2,450,.3\n500,.1,500,.2,500,.3\n\
+                 ,,550,.5,550,.6\n,,600,.1,,\n,,650,.2,,\n";
+    for mark in [",", ";", "\t"] {
+        let options = SpectrumOptions { quantity: SpectrumQuantity::Fraction, ..SpectrumOptions::default() };
+        let read = read_bytes("t.txt", table.replace(',', mark).as_bytes(), &options).unwrap();
+        let values: Vec<_> = read.curves.iter().map(|of| of.curve.values().to_vec()).collect();
+        let wanted = [vec![0.02, 0.1, 0.1], vec![0.03, 0.2, 0.2, 0.5, 0.1, 0.2], vec![0.04, 0.3, 0.3, 0.6]];
+        assert!(values == wanted && read.read_as.is_empty(), "{mark:?}: {values:?} {:?}", read.read_as);
+        // Of one axis, a line without its wavelength is wrong
+        let one_axis = format!("nm,R,G\n400,.1,.2\n450,.1,.2\n,,.2\n500,.1,.2\n").replace(',', mark);
+        let error = read_bytes("t.txt", one_axis.as_bytes(), &options).unwrap_err();
+        assert!(error.contains("t.txt:4: the wavelength is empty"), "{error}");
+    }
+}
+
 #[test]
 fn a_light_upon_its_dark_is_told() {
     let text = |dark: f64| -> String {
@@ -694,6 +780,8 @@ fn units_stand_where_instruments_write_them() {
         ("Wavelength, nm,Absorbance\n400,0.3\n500,1\n", Fraction, 0.501_187_233_6),
         ("Optical density\nwavelength_nm,y\n400,0.3\n500,1\n", Fraction, 0.501_187_233_6),
         ("Wavelength, nm,Responsivity, A/W\n400,0.1\n500,0.2\n", QuantumEfficiency, 0.309_960_496),
+        ("nm,Photosensitivity (A/W)\n400,0.1\n500,0.2\n", QuantumEfficiency, 0.309_960_496),
+        ("nm,Relative sensitivity\n400,0.1\n500,0.2\n", QuantumEfficiency, 0.1),
         ("# unit: 1/cm\nwavelength_nm,mua\n400,2\n500,3\n", Coefficient, 0.2),
         ("wavelength_nm,absorption_per_cm\n400,2\n500,3\n", Coefficient, 0.2),
         ("Wavelength [A],mua\n4000,2\n5000,3\n", Coefficient, 2.0),
@@ -704,6 +792,10 @@ fn units_stand_where_instruments_write_them() {
     }
     for (text, quantity, word) in [
         ("nm,responsivity\n400,0.1\n500,0.2\n", QuantumEfficiency, "unit = \"a_per_w\""),
+        ("nm,Photosensitivity\n400,0.1\n500,0.2\n", QuantumEfficiency, "unit = \"a_per_w\""),
+        ("nm,Sensitivity\n400,0.1\n500,0.2\n", QuantumEfficiency, "unit = \"a_per_w\""),
+        ("nm,Spectral_response\n400,0.1\n500,0.2\n", QuantumEfficiency, "unit = \"a_per_w\""),
+        ("nm,A (%)\n400,10\n500,20\n", Fraction, "is of a"),
         ("nm,density\n400,0.1\n500,0.2\n", Fraction, "is of density"),
         ("nm,A\n400,0.1\n500,0.2\n", Fraction, "is of a"),
         ("nm,Rs (%),Ts (%)\n400,99,1\n500,50,50\n", Fraction, "are of different things"),

@@ -130,7 +130,7 @@ pub struct OwnAbsorption {
     pub change_of_fluorescence: f64,
 }
 
-/// Excitation-emission matrices above the surface, 1/nm, of each fluorophore over all layers.
+/// Excitation-emission matrices above the surface, photons per photon and nm, of each fluorophore over all layers.
 #[derive(Clone, Debug)]
 pub struct TissueEem {
     /// Excitation, nm.

@@ -52,7 +52,7 @@ pub(super) fn tables(found: &SolvedTissue) -> [(&'static str, String); 3] {
     [
         ("spectra", by_wavelength(&found.wavelength_nm, &spectra)),
         ("fluorescence", by_wavelength(&found.wavelength_nm, &fluorescence)),
-        ("eem", eem_csv(&eem.excitation_nm, &eem.emission_nm, &sums)),
+        ("eem", format!("# unit: photons\n{}", eem_csv(&eem.excitation_nm, &eem.emission_nm, &sums))),
     ]
 }
 

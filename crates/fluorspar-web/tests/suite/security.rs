@@ -166,6 +166,8 @@ fn changes_name_no_files() {
             assert!(refused.status == 422 && text.contains("the workbench reads no files"), "{set}: {text}");
         }
     }
+    // A title is no file, whatever its signs
+    assert_eq!(served.post("/api/toml", &json!({ "set": ["title=Lamp 1.2 / a.csv"] })).status, 200);
 }
 
 #[test]
