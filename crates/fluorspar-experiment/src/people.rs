@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use fluorspar::sampling::random::Key;
 use fluorspar::tissue::{Population, TissueError};
 use fluorspar_anatomy::{MouthParameters, POSE_FIELDS, sample_person, sample_restorations};
+use fluorspar_format::read_toml;
 use serde::{Deserialize, Serialize};
 
 use crate::preset::{self, PresetError};
@@ -147,8 +148,7 @@ fn person_restorations(
     drawn.retain(|one| is_sound(one.tooth));
     let is_used = |material: &MaterialSection| drawn.iter().any(|one| one.material == material.name);
     let is_known = |material: &MaterialSection| file.material.iter().any(|known| known.name == material.name);
-    let all =
-        toml::from_str::<RestorativeMaterials>(RESTORATIVE_MATERIALS).map_or(Vec::new(), |all| all.material);
+    let all = read_toml::<RestorativeMaterials>(RESTORATIVE_MATERIALS).map_or(Vec::new(), |all| all.material);
     let materials = all.into_iter().filter(|one| is_used(one) && !is_known(one)).collect();
     let restorations = drawn.into_iter().map(|one| RestorationSection {
         name: restoration_name(one.tooth),

@@ -125,7 +125,8 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         &chain(&light_curves, &filter_curves, &excitation, &emission, &efficiency),
     )?;
     set.finish()?;
-    let kept = kept_by_filters(options.view_filter.iter().zip(&view_filters), &fluorophores, &lights, &channels);
+    let kept =
+        kept_by_filters(options.view_filter.iter().zip(&view_filters), &fluorophores, &lights, &channels);
     if options.answer.json {
         let names = ["lights", "filters", "excitation", "emission", "quantum_efficiency"];
         let list = |curves: &Vec<PlotCurve>| -> serde_json::Value {

@@ -87,7 +87,8 @@ impl Form {
     /// Cells of a line, without quotation marks around them and empty ones at the end.
     fn cells(self, line: &str) -> Vec<&str> {
         let mut cells: Vec<&str> = match self.mark {
-            None => line.split_whitespace().collect(),
+            // A cell is empty in front of a tab
+            None => line.starts_with('\t').then_some("").into_iter().chain(line.split_whitespace()).collect(),
             Some(mark) => {
                 let mut is_quoted = false;
                 let split = line.split(|c: char| {
@@ -251,13 +252,19 @@ pub(crate) fn names_wavelengths(header: &str) -> bool {
 /// Lines above the rows among which the header is looked for.
 const HEADER_WITHIN: usize = 4;
 
-/// Marks in front of all lines that begin with a number: of columns with nothing in them.
+/// Marks in front of all rows: of columns with nothing in them.
 fn empty_in_front(text: &str) -> usize {
-    let is_row = |line: &&str| {
-        let first = line.trim_start_matches(MARKS).split(MARKS).next().unwrap_or_default();
-        first.split_whitespace().next().is_some_and(|cell| cell.trim_matches('"').parse::<f64>().is_ok())
+    let lines = || text.lines().map(|line| line.trim_matches(' '));
+    let is_row = |line: &str, from: usize| {
+        FORMS.iter().any(|form| form.cells(line).get(from..).is_some_and(|cells| form.is_row(cells)))
     };
-    text.lines().map(|line| line.trim_start_matches(' ')).filter(is_row).map(marks_in_front).min().unwrap_or(0)
+    let rows = lines().filter(|line| is_row(line.trim_start_matches(MARKS), 0));
+    let least =
+        rows.map(marks_in_front).try_fold(usize::MAX, |least, marks| (marks > 0).then_some(least.min(marks)));
+    // Some of the rows may have words in these columns
+    least
+        .filter(|least| !lines().any(|line| marks_in_front(line) < *least && is_row(line, *least)))
+        .unwrap_or(0)
 }
 
 /// What may separate cells, besides blanks.
@@ -410,7 +417,8 @@ fn extended(
         start -= 1;
     }
     let mut end = run.end;
-    while let Some(more) = cells[end..].iter().take(LINES_BETWEEN + 1).position(|line| belongs(line) || goes_on(line))
+    while let Some(more) =
+        cells[end..].iter().take(LINES_BETWEEN + 1).position(|line| belongs(line) || goes_on(line))
     {
         end += more + 1;
     }
@@ -421,7 +429,8 @@ fn extended(
 fn header(form: Form, above: &[(u64, &str)], width: usize) -> Option<(u64, Vec<String>, usize)> {
     // "YAxis,Counts" says what an axis is of
     let is_axis = |cell: &&str| cell.to_lowercase().ends_with("axis");
-    if above.last().is_some_and(|(_, line)| matches!(&form.cells(line)[..], [axis, of, ..] if is_axis(axis) && !is_axis(of))) {
+    let names_axis = |cells: &[&str]| matches!(cells, [axis, of, ..] if is_axis(axis) && (names_wavelengths(of) || axis.starts_with(['y', 'Y'])));
+    if above.last().is_some_and(|(_, line)| names_axis(&form.cells(line))) {
         return None;
     }
     let cells_of = |line: &str| -> Option<Vec<String>> {
@@ -499,8 +508,8 @@ fn named_pairs(mark: char, line: &str, cells: &[String]) -> Option<Vec<String>> 
     let are_pairs = cells.len() > 2
         && cells.len().is_multiple_of(2)
         && cells.chunks(2).all(|pair| names_wavelengths(&pair[0]) && !names_wavelengths(&pair[1]));
-    let names: Vec<&str> =
-        line.split(&format!("{mark}{mark}")).map(|name| name.trim().trim_matches('"').trim()).collect();
+    let plain = |name| -> &str { str::trim_end_matches(name, mark).trim().trim_matches('"').trim() };
+    let names: Vec<&str> = line.split(&format!("{mark}{mark}")).map(plain).collect();
     let is_named = are_pairs && (0..=1).any(|more| names.len() == cells.len() / 2 + more);
     is_named.then(|| {
         let named = cells.chunks(2).zip(names).flat_map(|(pair, name)| {

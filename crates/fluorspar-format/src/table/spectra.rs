@@ -709,12 +709,14 @@ impl SpectrumReader<'_> {
             ["t", "r"].contains(&word) || word.starts_with("trans") || word.starts_with("refl")
         };
         let stated = stated_unit(&self.headers()[column]);
-        let is_logarithm = matches!(stated, StatedUnit::Known(ValueUnit::OpticalDensity | ValueUnit::Decibel));
+        let is_logarithm =
+            matches!(stated, StatedUnit::Known(ValueUnit::OpticalDensity | ValueUnit::Decibel));
         // Beside B an A is the name of a sample, as any a is
         let is_b = |other: &String| other == "B" || other.starts_with("B ");
-        let is_sample = first == "a"
-            && (self.headers()[column].starts_with('a') || self.headers().iter().any(is_b));
-        let is_asked = self.options.quantity.is_fraction() && !is_sample && !is_logarithm && !words.any(states);
+        let is_sample =
+            first == "a" && (self.headers()[column].starts_with('a') || self.headers().iter().any(is_b));
+        let is_asked =
+            self.options.quantity.is_fraction() && !is_sample && !is_logarithm && !words.any(states);
         match OTHERS.iter().find(|other| is_asked && first == **other) {
             None => Ok(()),
             Some(other) => Err(FormatError::unit(
@@ -752,7 +754,7 @@ impl SpectrumReader<'_> {
     fn refuse_responsivity(&self, column: usize) -> Result<(), FormatError> {
         let header = &self.headers()[column];
         let words = words_of(header).collect::<Vec<_>>().join(" ");
-        let is_named = ["photosensitiv", "sensitivit", "spectral respons"].iter().any(|name| words.contains(name));
+        let is_named = ["sensitivit", "spectral respons"].iter().any(|name| words.contains(name));
         let is_responsivity = words.contains("responsiv") || is_named && !is_relative(header);
         let is_asked = self.options.quantity == SpectrumQuantity::QuantumEfficiency && is_responsivity;
         if !is_asked || stated_unit(self.words_of_unit(column)) != StatedUnit::Unstated {

@@ -72,13 +72,13 @@ const LENGTHS_MM: [(&str, f64); 12] = [
     ("um", 1e-3),
 ];
 /// Words for logarithms to base 10.
-const DECADIC: [&str; 9] =
-    ["absorbance", "abs", "od", "db", "decadic", "decimal", "log", "log10", "lg"];
+const DECADIC: [&str; 9] = ["absorbance", "abs", "od", "db", "decadic", "decimal", "log", "log10", "lg"];
 
 /// What coefficients in the unit of a header are multiplied by to be in 1/mm; `None` of other quantities.
 fn coefficient_factor(header: &str, stated: &StatedUnit) -> Option<f64> {
     let lower = &*header.to_lowercase();
-    let words: Vec<&str> = lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    let words: Vec<&str> =
+        lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
     // "Abs. coefficient" is of absorption
     let is_decadic = |word: &&str| DECADIC.contains(word) && !(*word == "abs" && lower.contains("coef"));
     let of_amounts = ["mol", "/g", "/mg", "g-1"].iter().any(|unit| with_signs(lower).contains(unit));
@@ -86,7 +86,9 @@ fn coefficient_factor(header: &str, stated: &StatedUnit) -> Option<f64> {
         return None;
     }
     // The length of a cuvette has a number: "absorption at 1 cm"
-    let is_length = |word: &str| word.starts_with(char::is_alphabetic) && (word.ends_with("cm") || word.starts_with("centimet"));
+    let is_length = |word: &str| {
+        word.starts_with(char::is_alphabetic) && (word.ends_with("cm") || word.starts_with("centimet"))
+    };
     let names_length = |pair: &[&str]| is_length(pair[1]) && pair[0].parse::<f64>().is_err();
     match lengths_of(lower)[..] {
         // A is an absorbance, a may be natural
@@ -105,7 +107,8 @@ fn is_multiplied(lower: &str) -> bool {
     let parted = |c: char| c.is_whitespace() || "[](),;/·".contains(c);
     let unit = bracketed(lower).filter(|unit| !lengths_of(unit).is_empty());
     let first = unit.and_then(|unit| unit.split(parted).next()).unwrap_or_default();
-    (first != "1" && first.starts_with(|c: char| c.is_ascii_digit())) || lower.split(parted).skip(1).any(is_times)
+    (first != "1" && first.starts_with(|c: char| c.is_ascii_digit()))
+        || lower.split(parted).skip(1).any(is_times)
 }
 
 /// Whether a word is a factor: "x1000", "10^3".
@@ -128,7 +131,8 @@ pub(crate) fn lengths_of(lower: &str) -> Vec<f64> {
         let (before, behind) = (&plain[..place], &plain[place + length.len()..]);
         let is_in_front = before.ends_with('/') || before.ends_with("per ");
         // "M-1cm-1"
-        let is_behind = behind.strip_prefix("-1").is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_digit()));
+        let is_behind =
+            behind.strip_prefix("-1").is_some_and(|rest| !rest.starts_with(|c: char| c.is_ascii_digit()));
         let begins = !before.ends_with(char::is_alphanumeric) || before.ends_with("-1");
         let is_word = begins && (ends(behind) || is_behind);
         is_word && (is_in_front || is_behind)

@@ -263,11 +263,25 @@ const LAYOUTS: &[Layout] = &[
         &[0.5, 0.3, 0.5],
     ),
     (
+        "the axis of wavelengths named last",
+        "Type,Emission Scan\nYAxis,Counts,\nXAxis,Wavelength(nm)\n400,200,\n500,150,\n600,300,\n",
+        SpectrumQuantity::SpectralPower,
+        &[400.0, 500.0, 600.0],
+        &[0.5, 0.3, 0.5],
+    ),
+    (
         "a title as wide as its table, and a first column without anything",
         "FEL0450 Data,,,\n,Wavelength (nm),Transmission (%),Optical Density\n,400,1,2\n,450,50,0.3\n,500,90,.05\n",
         SpectrumQuantity::Fraction,
         &[400.0, 450.0, 500.0],
         &[0.01, 0.5, 0.9],
+    ),
+    (
+        "words beside the first rows",
+        "Data,,Wavelength (nm),T (%)\nProduct,,400,1\nA filter,,450,50\n,,500,90\n,,550,90\n",
+        SpectrumQuantity::Fraction,
+        &[400.0, 450.0, 500.0, 550.0],
+        &[0.01, 0.5, 0.9, 0.9],
     ),
     (
         "percent of a sample called A",
@@ -679,6 +693,7 @@ fn samples_named_above_pairs_of_columns_are_told_apart() {
     let named = |name: &str| SpectrumColumns::Named(vec![name.into()]);
     assert_eq!(read("long, 5 mm,,short, 5 mm,,", named("short, 5 mm")).0, [0.4, 0.8]);
     assert_eq!(read(",,short,,", named("short")).0, [0.4, 0.8]);
+    assert_eq!(read("A,,short,", named("short")).0, [0.4, 0.8]);
     let (values, read_as) = read("Baseline 100%T,,short,,", SpectrumColumns::One);
     assert_eq!(values, [0.4, 0.8]);
     assert!(read_as.contains("column \"short (%T)\" of Baseline 100%T (%T), short (%T)"), "{read_as}");
