@@ -68,8 +68,8 @@ pub use image::exr::{
 };
 pub use image::mask::{MaskImage, read_mask};
 pub use image::npy::{
-    read_component_image, read_component_npy, read_spectral_image, read_spectral_npy, write_component_npy,
-    write_map_npy, write_spectral_npy,
+    is_component_npy, read_component_image, read_component_npy, read_spectral_image, read_spectral_npy,
+    write_component_npy, write_map_npy, write_spectral_npy,
 };
 pub use image::png::{
     TextureImage, Transfer, opaque_rgb, read_texture_png, write_gray_png, write_indexed_png, write_label_png,

@@ -29,6 +29,10 @@ enum ElementType {
     BigF64,
     /// Of a mask: a truth value or an integer of so many bytes, of which only matters whether it is zero.
     NotZero(usize),
+    /// Of a mask: a double, whose size does not matter.
+    Sign {
+        is_big: bool,
+    },
 }
 
 impl ElementType {
@@ -46,7 +50,7 @@ impl ElementType {
     fn bytes(self) -> usize {
         match self {
             Self::LittleF32 | Self::BigF32 => 4,
-            Self::LittleF64 | Self::BigF64 => 8,
+            Self::LittleF64 | Self::BigF64 | Self::Sign { .. } => 8,
             Self::NotZero(bytes) => bytes,
         }
     }
@@ -57,7 +61,13 @@ impl ElementType {
         let (order, kind) = (letters.next()?, letters.next()?);
         let bytes: usize = letters.as_str().parse().ok()?;
         let is_whole = "<>|=".contains(order) && "bui".contains(kind) && [1, 2, 4, 8].contains(&bytes);
-        if is_whole { Some(Self::NotZero(bytes)) } else { Self::parse(descr) }
+        match Self::parse(descr) {
+            _ if is_whole => Some(Self::NotZero(bytes)),
+            Some(double @ (Self::LittleF64 | Self::BigF64)) => {
+                Some(Self::Sign { is_big: double == Self::BigF64 })
+            }
+            other => other,
+        }
     }
 
     /// Appends the values of whole elements, rounded to single precision.
@@ -68,6 +78,10 @@ impl ElementType {
             Self::BigF32 => values.extend(singles.iter().map(|b| f32::from_be_bytes(*b))),
             Self::LittleF64 => values.extend(doubles.iter().map(|b| f64::from_le_bytes(*b) as f32)),
             Self::BigF64 => values.extend(doubles.iter().map(|b| f64::from_be_bytes(*b) as f32)),
+            Self::Sign { is_big } => values.extend(doubles.iter().map(|b| {
+                let value = if is_big { f64::from_be_bytes(*b) } else { f64::from_le_bytes(*b) };
+                if value == 0.0 { 0.0 } else { value.signum() as f32 }
+            })),
             Self::NotZero(size) => {
                 let is_set = |value: &[u8]| f32::from(u8::from(value.iter().any(|&byte| byte != 0)));
                 values.extend(bytes.chunks_exact(size).map(is_set));
@@ -120,7 +134,7 @@ pub(super) fn read_npy(path: &Path) -> Result<(Vec<u64>, Vec<f32>), FormatError>
     read_npy_of(path, ElementType::parse, "'<f4' or '<f8'", "Save a.astype('<f4')")
 }
 
-/// Shape and values of a mask: an array of truth values, integers or floating-point numbers. Whole numbers other than 0 become 1.
+/// Shape and values of a mask: an array of truth values, integers or floating-point numbers. Whole numbers other than 0 become 1, doubles 1 or -1.
 ///
 /// # Errors
 /// Those of [`read_npy`].

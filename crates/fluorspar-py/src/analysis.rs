@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fluorspar::analysis::{PorphyrinLayers, RegionError};
+use fluorspar::analysis::{AnalysisError, PorphyrinLayers, RegionError};
 use fluorspar::image::SensorImage;
 use fluorspar::pipeline::{
     AnalyzedFrame, AnalyzedRegion, Calibration, CapturedFrame, IncompleteRaw, PipelineError, RawExposures,
@@ -153,7 +153,19 @@ pub(crate) fn analyze(
     }
     let analyzed =
         work_through(py, threads, || analyzed(&resolved, view.as_ref(), exposures, &mut warnings))?;
-    Ok(analyzed.map_err(failed)?.map(|all| FrameAnalysis::new(all, warnings)))
+    let told = |error: PipelineError| match components.is_none() && needs_parts(&error) {
+        true => failed(format!("{error}, or components=")),
+        false => failed(error),
+    };
+    Ok(analyzed.map_err(told)?.map(|all| FrameAnalysis::new(all, warnings)))
+}
+
+/// Whether a region is one of parts, which only components tell.
+fn needs_parts(error: &PipelineError) -> bool {
+    match error {
+        PipelineError::Region { error, .. } => needs_parts(error),
+        error => matches!(error, PipelineError::Analysis(AnalysisError::Region(RegionError::NoPartMap(_)))),
+    }
 }
 
 /// What it means that some captures subtract no frame.

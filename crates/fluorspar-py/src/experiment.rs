@@ -31,6 +31,9 @@ pub(crate) struct Experiment {
     resolved: Mutex<Option<Arc<ResolvedExperiment>>>,
 }
 
+/// Values of Python may be nested this deep.
+const MOST_LEVELS: usize = 100;
+
 /// What an experiment is made of: text, name, folder and changes.
 type Parts = (String, String, PathBuf, Vec<String>);
 
@@ -284,47 +287,77 @@ fn changes_of(given: &toml::Value, now: Option<&toml::Value>, path: &str, change
     }
 }
 
+/// A value as the command line has it: a text by itself, anything else as in an experiment file.
+#[pyfunction]
+pub(crate) fn word_of(value: &Bound<'_, PyAny>, name: &str) -> PyResult<String> {
+    Ok(match toml_value(value, name)? {
+        toml::Value::String(text) => text,
+        other => other.to_string(),
+    })
+}
+
 /// A value of Python as TOML. `path` is for messages.
 pub(crate) fn toml_value(value: &Bound<'_, PyAny>, path: &str) -> PyResult<toml::Value> {
-    if value.is_instance_of::<PyBool>() {
-        return Ok(toml::Value::Boolean(value.extract()?));
-    }
-    if value.is_instance_of::<PyInt>() {
-        let number = value.extract().map_err(|_| {
-            PyValueError::new_err(format!("{path} = {value}: must be between {} and {}", i64::MIN, i64::MAX))
-        })?;
-        return Ok(toml::Value::Integer(number));
-    }
-    if value.is_instance_of::<PyFloat>() {
-        return Ok(toml::Value::Float(value.extract()?));
-    }
-    if let Ok(text) = value.cast::<PyString>() {
-        return Ok(toml::Value::String(text.to_str()?.into()));
+    nested_value(value, path, MOST_LEVELS)
+}
+
+/// The same within so many levels: a list can contain itself.
+fn nested_value(value: &Bound<'_, PyAny>, path: &str, levels: usize) -> PyResult<toml::Value> {
+    let Some(levels) = levels.checked_sub(1) else {
+        let name = path.split('[').next().unwrap_or_default();
+        return Err(PyTypeError::new_err(format!(
+            "{name}: it is nested in more than {MOST_LEVELS} levels; a list must not contain itself"
+        )));
+    };
+    if let Some(plain) = scalar(value, path)? {
+        return Ok(plain);
     }
     if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
-        let items =
-            value.try_iter()?.enumerate().map(|(i, item)| toml_value(&item?, &format!("{path}[{i}]")));
-        return Ok(toml::Value::Array(items.collect::<PyResult<_>>()?));
+        let item = |(i, item): (usize, PyResult<_>)| nested_value(&item?, &format!("{path}[{i}]"), levels);
+        return Ok(toml::Value::Array(value.try_iter()?.enumerate().map(item).collect::<PyResult<_>>()?));
     }
     if let Ok(table) = value.cast::<PyDict>() {
         let mut entries = toml::Table::new();
         for (key, value) in table {
-            let key: String = key.extract()?;
+            let Ok(key) = key.extract::<String>() else {
+                return Err(PyTypeError::new_err(format!("{path}{{{key}: ...}}: give a text as key")));
+            };
             let inner = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-            entries.insert(key, toml_value(&value, &inner)?);
+            entries.insert(key, nested_value(&value, &inner, levels)?);
         }
         return Ok(toml::Value::Table(entries));
     }
-    // Paths, arrays and numbers of NumPy
+    // Paths, arrays and numbers of NumPy, of which a long one gives itself
     for method in ["__fspath__", "tolist"] {
-        if let Ok(plain) = value.call_method0(method) {
-            return toml_value(&plain, path);
+        if let Ok(plain) = value.call_method0(method)
+            && !plain.get_type().is(value.get_type())
+        {
+            return nested_value(&plain, path, levels);
         }
+    }
+    if value.is_instance(&value.py().import("numbers")?.getattr("Real")?)? {
+        return Ok(toml::Value::Float(value.extract()?));
     }
     let kind = value.get_type().name()?;
     Err(PyTypeError::new_err(format!(
         "{path}: a {kind} is no value of an experiment; give a number, a text, a list or a dict"
     )))
+}
+
+/// A truth value, a number or a text as TOML; `None` of anything else.
+fn scalar(value: &Bound<'_, PyAny>, path: &str) -> PyResult<Option<toml::Value>> {
+    Ok(Some(if value.is_instance_of::<PyBool>() {
+        toml::Value::Boolean(value.extract()?)
+    } else if value.is_instance_of::<PyInt>() {
+        let range = || format!("{path} = {value}: must be between {} and {}", i64::MIN, i64::MAX);
+        toml::Value::Integer(value.extract().map_err(|_| PyValueError::new_err(range()))?)
+    } else if value.is_instance_of::<PyFloat>() {
+        toml::Value::Float(value.extract()?)
+    } else if let Ok(text) = value.cast::<PyString>() {
+        toml::Value::String(text.to_str()?.into())
+    } else {
+        return Ok(None);
+    }))
 }
 
 /// A value of TOML in Python.

@@ -41,6 +41,7 @@ fn _fluorspar(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(planes::channel_planes, module)?)?;
     module.add_function(wrap_pyfunction!(mesh::read_mesh, module)?)?;
     module.add_function(wrap_pyfunction!(png::write_png, module)?)?;
+    module.add_function(wrap_pyfunction!(experiment::word_of, module)?)?;
     module.add_function(wrap_pyfunction!(command::answer, module)?)?;
     module.add_function(wrap_pyfunction!(command::run_program, module)?)?;
     process::remember();

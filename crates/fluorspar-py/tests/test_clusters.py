@@ -51,6 +51,9 @@ def test_a_dask_cluster_gives_the_same_and_a_killed_worker_loses_nothing(mouth, 
         values = {"capture.blue.exposure_ms": EXPOSURES}
         there = fs.sweep(mouth, values, components=components, result=_green, client=client, threads=1)
         assert here.identical(there)
+        with pytest.raises(ZeroDivisionError) as raised:
+            fs.sweep(mouth, values, components=components, result=lambda _: {"x": 1 / 0}, client=client, threads=1)
+        assert raised.value.__notes__[0].startswith("in the sweep at capture.blue.exposure_ms = ")
         survived = fs.sweep(mouth, values, components=components, result=_killed_once, client=client, threads=1)
     assert (tmp_path / "killed").exists()
     np.testing.assert_array_equal(survived.green, here.green)

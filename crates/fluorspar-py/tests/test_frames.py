@@ -6,6 +6,7 @@ import json
 import os
 import pickle
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -46,6 +47,12 @@ def test_a_render_with_other_samples_shows_the_same_scene(mouth, components, tmp
     of_render, shots = fs.capture(finer.experiment, finer), fs.capture(mouth, finer)
     assert np.array_equal(shots["blue"].raw, of_render["blue"].raw)
     assert fs.analyze(mouth, shots, components=finer) == fs.analyze(finer.experiment, shots, components=finer)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        fs.capture(mouth.set("render.samples_per_pixel", 16), finer)
+    assert not [one for one in told if "stopped early" in str(one.message)]
+    with pytest.raises(fs.FluorsparError, match="or components="):
+        fs.analyze(mouth, shots)
     with pytest.raises(fs.FluorsparError, match="max_depth"):
         fs.capture(mouth.set("render.max_depth", 2), finer)
 
@@ -94,6 +101,10 @@ def _green(analysis: fs.Analysis) -> dict[str, float]:
     return {"green": analysis.channels[1].statistics.mean}
 
 
+def _fails(_: fs.Analysis) -> dict[str, float]:
+    return {"x": 1 / 0}
+
+
 class _Client:
     """Does at once what a Dask client does in other processes: what it gets and gives goes through pickle."""
 
@@ -102,10 +113,17 @@ class _Client:
 
     def submit(self, work, *arguments, pure):
         work, arguments = pickle.loads(pickle.dumps((work, arguments)))
-        return pickle.dumps(work(*arguments))
+        try:
+            return pickle.dumps(work(*arguments))
+        except ZeroDivisionError as error:
+            return pickle.dumps(error)
 
     def gather(self, futures):
-        return [pickle.loads(future) for future in futures]
+        found = [pickle.loads(future) for future in futures]
+        for error in found:
+            if isinstance(error, Exception):
+                raise error
+        return found
 
 
 def test_a_client_gives_the_same_sweep_and_analyses_pickle(mouth, components) -> None:
@@ -113,6 +131,9 @@ def test_a_client_gives_the_same_sweep_and_analyses_pickle(mouth, components) ->
     values = {"capture.blue.exposure_ms": [10.0, 20.0]}
     here = fs.sweep(mouth, values, components=components, result=_green)
     there = fs.sweep(mouth, values, components=components, result=_green, client=_Client())
+    with pytest.raises(ZeroDivisionError) as raised:
+        fs.sweep(mouth, values, components=components, result=_fails, client=_Client())
+    assert raised.value.__notes__ == ["in the sweep at capture.blue.exposure_ms = 10.0"]
     assert here.identical(there)
     analysis = fs.analyze(mouth, fs.capture(mouth, components), components=components)
     again = pickle.loads(pickle.dumps(analysis))

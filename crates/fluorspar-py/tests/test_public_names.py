@@ -90,6 +90,22 @@ def test_arguments_of_the_wrong_type_are_told_with_what_belongs_there(mouth, com
 def test_numbers_of_numpy_are_numbers(mouth, components) -> None:
     weighted = components.weighted({"blue": np.float32(0.5)})
     assert np.array_equal(weighted, components.weighted({"blue": 0.5}))
+    assert np.array_equal(weighted, components.weighted({"blue": np.array(0.5)}))
+    for wrong in (np.nan, np.inf, 1e39):
+        with pytest.raises(ValueError, match=r"weights\['blue'\]"):
+            components.weighted({"blue": wrong})
+    with pytest.raises(ValueError, match="person"):
+        fs.mouth(person=-1)
+    with pytest.raises(ValueError, match="time_limit"):
+        fs.run("oraleye-2021-surface", "out", time_limit=np.longdouble(-1))
+    exposure = "capture.blue.exposure_ms"
+    assert mouth.set(exposure, np.longdouble(12)).get(exposure) == 12
+    assert fs.mouth(missing_teeth=np.array([18, 28])).parameters == fs.mouth(missing_teeth=(18, 28)).parameters
+    endless: list[object] = []
+    endless.append(endless)
+    for wrong, told in [(endless, "itself"), (np.clongdouble(1), "clongdouble"), ({3: 4}, "text as key")]:
+        with pytest.raises(TypeError, match=told):
+            mouth.set(exposure, wrong)
     assert fs.render(mouth, samples_per_pixel=np.int64(1), threads=np.int32(1), progress=None).samples_per_pixel == 1
 
 

@@ -35,6 +35,26 @@ def test_arrays_are_views_that_live_on_and_can_not_be_written(mouth) -> None:
         array[0, 0, 0, 0] = 1
 
 
+def test_datasets_are_netcdf_files_of_any_engine(mouth, components, tmp_path) -> None:
+    xarray, _ = pytest.importorskip("xarray"), pytest.importorskip("scipy")
+    components.to_xarray().to_netcdf(tmp_path / "components.nc", engine="scipy")
+    part = xarray.load_dataset(tmp_path / "components.nc", engine="scipy").part
+    number = part.attrs["flag_meanings"].split().index("tongue_dorsum")
+    assert np.array_equal(part == part.attrs["flag_values"][number], components.part_mask("tongue_dorsum"))
+    frame = fs.capture(mouth, components)["blue"].to_xarray()
+    frame.to_netcdf(tmp_path / "frame.nc", engine="scipy")
+    assert frame.attrs["mosaic"].count(" / ") == 1
+
+
+def test_light_that_is_no_number_is_refused(components, tmp_path) -> None:
+    components.write(tmp_path / "nan.npy")
+    values = np.load(tmp_path / "nan.npy").astype(float)
+    values[-1, -1, -1, -1] = 1e300
+    np.save(tmp_path / "nan.npy", values)
+    with pytest.raises(fs.FluorsparError, match="a value is inf"):
+        fs.read(tmp_path / "nan.npy")
+
+
 def test_a_dataset_has_units_and_shares_the_values(components) -> None:
     pytest.importorskip("xarray")
     dataset = components.to_xarray()

@@ -294,11 +294,13 @@ fn write_channels(
         excitation_nm: light.excitation_nm,
     };
     let channels: Vec<OmeChannel> = developed.channels.iter().enumerate().map(channel).collect();
+    let subtracted = settings.subtract.as_ref();
+    let less = subtracted.map_or_else(String::new, |name| format!(", frame \"{name}\" subtracted"));
     let facts = OmeFacts {
         title: frame.raw.label.clone(),
         mm_per_pixel: scale.map(|(mm, columns)| mm / columns),
         exposure_s: Some(frame.raw.exposure_s),
-        unit: "digital numbers above black, linear".into(),
+        unit: format!("digital numbers above black, linear{less}"),
     };
     let write = if format == RawForm::OmeZarr { write_ome_zarr } else { write_ome_tiff };
     write(path, [developed.width, developed.height], &developed.data, &channels, &facts)

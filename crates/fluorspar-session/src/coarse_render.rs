@@ -43,7 +43,10 @@ pub fn image_warnings(
     let blurred = if has_lens_of_render { None } else { kept_blur(of_render.as_ref(), &experiment.study) };
     let other =
         rendered.zip(experiment.record.experiment.as_deref()).and_then(|(then, now)| other_file(then, now));
-    coarse.into_iter().chain(blurred).chain(other).chain(stopped_early(labels, &experiment.study)).collect()
+    let render = rendered.map(|then| &then.file.render);
+    let by_error = render.is_some_and(|then| then.relative_error.is_some() && then.time_limit_s.is_none());
+    let stopped = render.and_then(|then| stopped_early(labels, then.samples_per_pixel, by_error));
+    coarse.into_iter().chain(blurred).chain(other).chain(stopped).collect()
 }
 
 /// Warns of a file that has changed since the render, where the digests that it held were taken away.

@@ -10,7 +10,7 @@ use fluorspar::study::{Capture, Study};
 use fluorspar_experiment::ResolvedExperiment;
 use fluorspar_format::{
     Cube, CubeFacts, CubeForm, CubeLight, Output, OutputFolder, Outputs, Provenance, is_component_exr,
-    read_component_image, read_cube, write_component_zarr,
+    is_component_npy, read_component_image, read_cube, write_component_zarr,
 };
 use serde::{Deserialize, Serialize};
 
@@ -107,6 +107,7 @@ fn may_hold_components(image: &Path) -> bool {
     match CubeForm::of(image) {
         Some(CubeForm::Envi | CubeForm::Iset | CubeForm::Zarr | CubeForm::OmeTiff) => false,
         Some(CubeForm::Exr) => is_component_exr(image),
+        Some(CubeForm::Npy) => is_component_npy(image),
         _ => true,
     }
 }

@@ -104,14 +104,14 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
     let path = description_path(&options.frame);
     if path.exists() && !options.replace {
         return Err(CliError::Input(format!(
-            "{}: the frame is described already; --replace describes it anew, from its tags and the options of this call alone",
+            "{}: the frame is described already; ⟨replace⟩ describes it anew, from its tags and the options of this call alone",
             path.display()
         )));
     }
     let found = describe_frame(&options.frame, &given)?;
     if found.facts.iter().any(|fact| fact.key == "exposure_s" && fact.source == FactSource::Unknown) {
         return Err(CliError::Input(format!(
-            "{}: no tag of the file tells its exposure time; give --exposure-ms",
+            "{}: no tag of the file tells its exposure time; give ⟨exposure_ms⟩",
             options.frame.display()
         )));
     }

@@ -67,7 +67,7 @@ pub fn read_mask(path: &Path) -> Result<MaskImage, FormatError> {
 
 /// Whether a pixel of some samples is inside: the last one of `colors + 1` is its opacity.
 fn is_inside<T: Copy + PartialOrd + Default>(pixel: &[T], colors: usize) -> bool {
-    // What is no number is outside
+    // What is no number is outside: ImageJ has it as background
     let is_some = |value: &T| *value < T::default() || *value > T::default();
     pixel[..colors].iter().any(is_some) && pixel.get(colors).is_none_or(is_some)
 }
@@ -104,6 +104,9 @@ fn npy_mask(path: &Path) -> Result<MaskImage, FormatError> {
         return Err(FormatError::unsupported(path, what, "Save a[:, :, 0], for instance"));
     };
     check_image_size(path, *width, *height, 4, MAX_IMAGE_BYTES)?;
+    if values.iter().any(|value| value.is_nan()) {
+        return Err(FormatError::malformed(path, "a value of the mask is NaN", "Put 0 outside and 1 inside"));
+    }
     let inside = values.iter().map(|value| is_inside(&[*value], 1)).collect();
     Ok(MaskImage { width: *width as usize, height: *height as usize, inside })
 }

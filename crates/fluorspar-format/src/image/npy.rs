@@ -169,6 +169,12 @@ pub fn read_component_npy(path: &Path) -> Result<Loaded<ComponentImage>, FormatE
     Ok(Loaded { image, provenance: description.provenance })
 }
 
+/// Whether the description of an array says that it is a component image.
+pub fn is_component_npy(path: &Path) -> bool {
+    let read = read_sidecar::<Description>(path, &FileFormat::ARRAY);
+    read.is_ok_and(|description| description.axes == COMPONENT_AXES)
+}
+
 /// Reads a component image in either form, known by how the file begins.
 ///
 /// # Errors
@@ -238,5 +244,17 @@ fn read_array(
         4 * shape[axes.len() - 1],
         u64::MAX,
     )?;
+    check_finite(path, &data)?;
     Ok((description, grid, data))
+}
+
+/// Refuses values of an image that are no numbers, which a frame would show as black.
+pub(super) fn check_finite(path: &Path, values: &[f32]) -> Result<(), FormatError> {
+    // All are looked at: that is faster than to end at the first
+    if values.iter().fold(true, |all, value| all & value.is_finite()) {
+        return Ok(());
+    }
+    let value = values.iter().find(|value| !value.is_finite()).unwrap_or(&f32::NAN);
+    let what = format!("a value is {value} in 32 bits");
+    Err(FormatError::malformed(path, what, "Put 0 where nothing was measured"))
 }

@@ -1049,6 +1049,13 @@ fn a_mask_is_the_same_in_every_form() {
     let palette: Vec<[u8; 3]> = (0..=255).rev().map(|code| [code; 3]).collect();
     fluorspar_format::write_indexed_png(&inverted, 48, 40, &labels, &palette).unwrap();
     assert_eq!(read_mask(&inverted).unwrap().inside, inside);
+    // A double may be smaller than any single
+    let double = folder.path().join("double.npy");
+    let header = format!("{:<117}\n", "{'descr': '<f8', 'fortran_order': False, 'shape': (40, 48), }");
+    let mut bytes = [b"\x93NUMPY\x01\0\x76\0", header.as_bytes()].concat();
+    bytes.extend(inside.iter().flat_map(|is_in| if *is_in { 1e-300_f64 } else { -0.0 }.to_le_bytes()));
+    fs::write(&double, bytes).unwrap();
+    assert_eq!(read_mask(&double).unwrap().inside, inside);
     let empty = folder.path().join("empty.png");
     fluorspar_format::write_gray_png(&empty, 4, 4, &[0.0; 16]).unwrap();
     assert!(read_mask(&empty).unwrap_err().to_string().contains("selects nothing"));

@@ -711,7 +711,7 @@ fn pairs_of_columns_may_be_of_any_lengths() {
         let wanted = [vec![0.02, 0.1, 0.1], vec![0.03, 0.2, 0.2, 0.5, 0.1, 0.2], vec![0.04, 0.3, 0.3, 0.6]];
         assert!(values == wanted && read.read_as.is_empty(), "{mark:?}: {values:?} {:?}", read.read_as);
         // Of one axis, a line without its wavelength is wrong
-        let one_axis = format!("nm,R,G\n400,.1,.2\n450,.1,.2\n,,.2\n500,.1,.2\n").replace(',', mark);
+        let one_axis = "nm,R,G\n400,.1,.2\n450,.1,.2\n,,.2\n500,.1,.2\n".replace(',', mark);
         let error = read_bytes("t.txt", one_axis.as_bytes(), &options).unwrap_err();
         assert!(error.contains("t.txt:4: the wavelength is empty"), "{error}");
     }

@@ -15,10 +15,11 @@ use fluorspar::image::{
 };
 use fluorspar::spectral::{Irradiance, Quantity, Radiance, Reflectance, WavelengthGrid};
 use fluorspar_format::{
-    ComponentFile, ExrCompression, ExrOptions, FormatError, Provenance, Transfer, read_component_exr,
-    read_component_image, read_component_npy, read_sensor_image, read_spectral_exr, read_spectral_npy,
-    read_texture_png, write_atomically, write_component_exr, write_component_npy, write_rgb_png,
-    write_sensor_png, write_sensor_tiff, write_spectral_exr, write_spectral_npy, written_share,
+    ComponentFile, ExrCompression, ExrOptions, FormatError, Provenance, Transfer, is_component_npy,
+    read_component_exr, read_component_image, read_component_npy, read_sensor_image, read_spectral_exr,
+    read_spectral_npy, read_texture_png, write_atomically, write_component_exr, write_component_npy,
+    write_rgb_png, write_sensor_png, write_sensor_tiff, write_spectral_exr, write_spectral_npy,
+    written_share,
 };
 
 fn grid() -> WavelengthGrid {
@@ -420,6 +421,32 @@ fn arrays_survive_numpy_files() {
     write_component_npy(&path, &image, None).unwrap();
     image.features = FeatureMaps::default();
     assert_eq!(read_component_npy(&path).unwrap().image, image);
+}
+
+/// A frame would show what is no number as black.
+#[test]
+fn light_that_is_no_number_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |error: FormatError, value: f32| {
+        let said = error.to_string();
+        assert!(said.contains(&format!("a value is {value}")) && said.contains("Put 0"), "{said}");
+    };
+    for value in [f32::NAN, f32::INFINITY] {
+        let mut image = components();
+        *image.data.last_mut().unwrap() = value;
+        let array = folder.path().join("a.npy");
+        write_component_npy(&array, &image, None).unwrap();
+        refused(read_component_image(&array).unwrap_err(), value);
+        assert!(is_component_npy(&array) && !is_component_npy(&folder.path().join("none.npy")));
+        for compression in [ExrCompression::Zip, ExrCompression::Rounded24] {
+            let path = folder.path().join("a.exr");
+            write_component_exr(&path, &image, &ExrOptions { compression, ..ExrOptions::default() }).unwrap();
+            refused(read_component_image(&path).unwrap_err(), value);
+            let file = ComponentFile::open(&path).unwrap();
+            refused(file.map_rows(|_| true, |_, _, _| ()).unwrap_err(), value);
+            assert!(file.map_rows(|component| component == 0, |_, _, _| ()).is_ok());
+        }
+    }
 }
 
 #[test]

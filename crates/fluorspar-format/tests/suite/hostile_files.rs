@@ -264,7 +264,7 @@ fn a_backslash_continues_a_line_of_obj() {
 }
 
 #[test]
-fn what_is_no_number_is_outside_of_a_mask() {
+fn what_is_no_number_is_refused_in_a_mask() {
     let folder = folder();
     let path = folder.path().join("m.npy");
     let mut bytes =
@@ -273,7 +273,8 @@ fn what_is_no_number_is_outside_of_a_mask() {
     bytes.push(b'\n');
     bytes.extend([f32::NAN, 1.0].iter().flat_map(|value| value.to_le_bytes()));
     std::fs::write(&path, bytes).unwrap();
-    assert_eq!(fluorspar_format::read_mask(&path).unwrap().inside, [false, true]);
+    let said = fluorspar_format::read_mask(&path).unwrap_err().to_string();
+    assert!(said.contains("m.npy: a value of the mask is NaN") && said.contains("Put 0"), "{said}");
 }
 
 /// A megabyte of TM-27 in one line took half a minute: its line was counted anew for each sample.

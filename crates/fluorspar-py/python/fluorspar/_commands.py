@@ -28,16 +28,12 @@ def _words(options: Mapping[str, Any]) -> list[str]:
         if value is True:
             words.append(option)
         elif isinstance(value, Mapping):
-            words.extend(f"{option}={key}={_word(inner)}" for key, inner in value.items())
+            words.extend(f"{option}={key}={_fluorspar.word_of(inner, str(key))}" for key, inner in value.items())
         elif isinstance(value, Sequence) and not isinstance(value, str):
-            words.extend(f"{option}={_word(inner)}" for inner in value)
+            words.extend(f"{option}={_fluorspar.word_of(inner, name)}" for inner in value)
         else:
-            words.append(f"{option}={_word(value)}")
+            words.append(f"{option}={_fluorspar.word_of(value, name)}")
     return words
-
-
-def _word(value: Any) -> str:
-    return os.fspath(value) if isinstance(value, os.PathLike) else repr(float(value)) if isinstance(value, float) else str(value)
 
 
 @contextmanager
@@ -67,10 +63,12 @@ def text_of(*words: Any, threads: int | None = None, **options: Any) -> str:
     A defect of an experiment raises :class:`ExperimentError`, anything else :class:`FluorsparError`, both with the exit ``code``.
     """
     expected = "a word of the command line: a text, a number or a path"
+    plain: list[str] = []
     for index, word in enumerate(words):
         if not isinstance(word, (str, int, float, os.PathLike)):
             raise _given.wrong_type(f"words[{index}]", expected, word)
-    return _fluorspar.answer([*map(_word, words), *_words(options)], threads=_given.threads(threads))[0]
+        plain.append(_fluorspar.word_of(word, f"words[{index}]"))
+    return _fluorspar.answer([*plain, *_words(options)], threads=_given.threads(threads))[0]
 
 
 def _done(task: Callable[..., Any], *, threads: int | None = None, **options: Any) -> Record:
@@ -278,6 +276,8 @@ def run(source: Experiment | str | os.PathLike[str], out: str | os.PathLike[str]
     """From scene to report in a folder, as ``fluorspar run``; returns the numbers that the folder keeps in results.json."""
     if source is None:
         raise _given.wrong_type("source", "an Experiment, the name of one, or the path of a file", source)
+    if options.get("time_limit") is not None:
+        _given.limit(options["time_limit"], "time_limit")
     with _file_of(source) as words:
         return _done(_fluorspar.run, experiment=words[0], out=_given.path(out, "out"), **options)
 

@@ -78,10 +78,11 @@ class Frame:
         return self._native.preview
 
     def to_xarray(self) -> xarray.DataArray:
-        """The raw frame with its scale as attributes; not copied."""
+        """The raw frame with its scale as attributes, the mosaic as text (``"G R / B G"``); not copied."""
         import xarray
 
-        attrs = {"units": "DN", "mosaic": self.mosaic, **self.scale}
+        # No file of netCDF keeps lists of lists
+        attrs = {"units": "DN", "mosaic": " / ".join(map(" ".join, self.mosaic)), **self.scale}
         return xarray.DataArray(self.raw, dims=("y", "x"), name=self.name, attrs=attrs)
 
     def write(self, path: str | os.PathLike[str]) -> None:

@@ -84,10 +84,19 @@ def source(value: object, name: str, expected: str) -> str:
 
 
 def number(value: object, name: str) -> float:
-    """An argument that is a number."""
+    """An argument that is a number, of NumPy, too."""
+    value = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise wrong_type(name, "a number", value)
     return float(value)
+
+
+def limit(value: object, name: str) -> float:
+    """An argument that is a time, s."""
+    limit_s = number(value, name)
+    if not limit_s > 0:
+        raise ValueError(f"{name} = {limit_s:g}: must be more than 0 seconds")
+    return limit_s
 
 
 def whole(value: object, name: str) -> int:

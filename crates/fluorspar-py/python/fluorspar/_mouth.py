@@ -105,5 +105,7 @@ def mouth(*, person: int | None = None, pose: str | None = None, detail: float |
         "pose": None if pose is None else _given.text(pose, "pose"),
         "detail": None if detail is None else _given.number(detail, "detail"),
     }
+    if person is not None and person < 0:
+        raise ValueError(f"person = {person}: must be 0 or more")
     words = [f"--{name}={value}" for name, value in options.items() if value is not None]
-    return Mouth([*words, *(f"--set={name}={value}" for name, value in parameters.items())])
+    return Mouth([*words, *(f"--set={name}={_fluorspar.word_of(value, name)}" for name, value in parameters.items())])

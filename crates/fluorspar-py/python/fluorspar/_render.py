@@ -96,7 +96,7 @@ class Components:
         """Sum of components times weights by label or light group, ``[row, col, band]``, float32, W/(sr m2 nm).
 
         ``weighted({"blue": 0.5})`` is the light of that group at half its drive; a label goes before its group, and what is not named has
-        weight 0.
+        weight 0. Weights below 0 make differences.
         """
         given = _given.mapping(weights, "weights", 'a dictionary by light group or label, such as {"blue": 0.5}')
         labels, groups = self.labels, self.light_groups
@@ -104,6 +104,9 @@ class Components:
             if name not in labels and name not in groups:
                 raise _given.unknown("light group or component", name, [*groups, *labels])
         by_name = {name: _given.number(value, f"weights[{name!r}]") for name, value in given.items()}
+        for name, weight in by_name.items():
+            if not abs(weight) <= float(np.finfo(np.float32).max):
+                raise ValueError(f"weights[{name!r}] = {weight:g}: must be a finite 32-bit number")
         factors = [by_name.get(label, by_name.get(group, 0.0)) for label, group in zip(labels, groups)]
         sums: NDArray[np.float32] = np.tensordot(np.asarray(factors, dtype=np.float32), self.radiance, axes=1)
         return sums
@@ -142,12 +145,15 @@ class Components:
 
         pixels = ("y", "x")
         attrs = {"units": "W m-2 sr-1 nm-1", "long_name": "spectral radiance"}
-        experiment = self.experiment
+        experiment, names = self.experiment, self.part_names
+        # As the CF conventions have them: what is no text and no number is kept by few forms of files
+        meanings = " ".join(name.replace(" ", "_") for name in names)
+        parts = {"flag_values": np.arange(1, 1 + len(names), dtype=np.uint16), "flag_meanings": meanings, "long_name": "part, 0 for none"}
         return xarray.Dataset(
             {
                 "radiance": (("component", *pixels, "wavelength"), self.radiance, attrs),
                 "depth": (pixels, self.depth_m, {"units": "m", "long_name": "distance along the camera ray"}),
-                "part": (pixels, self.part, {"names": self.part_names, "long_name": "index into names plus one"}),
+                "part": (pixels, self.part, parts),
             },
             coords={
                 "component": self.labels,
@@ -251,9 +257,7 @@ def render(
         settings.append(("render.samples_per_pixel", _given.whole(samples_per_pixel, "samples_per_pixel")))
     if settings:
         native = native.set_all(settings)
-    limit_s = None if time_limit_s is None else _given.number(time_limit_s, "time_limit_s")
-    if limit_s is not None and not limit_s > 0:
-        raise ValueError(f"time_limit_s = {limit_s:g}: must be more than 0 seconds")
+    limit_s = None if time_limit_s is None else _given.limit(time_limit_s, "time_limit_s")
     threads = _given.threads(threads)
     with progress_of(progress, "Rendering") as tell:
         try:

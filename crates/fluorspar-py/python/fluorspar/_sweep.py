@@ -38,6 +38,15 @@ def _numbers_of(
     return dict(_numbers(found, "", has_flags=True))
 
 
+def _numbers_at(at: str, *arguments: Any) -> dict[str, float]:
+    """The same at a point, which the notes of an error name: they travel with it."""
+    try:
+        return _numbers_of(*arguments)
+    except Exception as error:
+        error.add_note(at)
+        raise
+
+
 def _check_result(path: str, value: Any) -> None:
     """Refuses what becomes no number of a dataset."""
     value = value.tolist() if hasattr(value, "tolist") else value
@@ -82,8 +91,8 @@ def _choices_of(values: Any) -> dict[str, list[Any]]:
 
 def _coordinate(choices: Sequence[Any]) -> list[Any]:
     """What names the places of a dimension: numbers as they are, anything else as text."""
-    if all(isinstance(choice, (int, float)) for choice in choices):
-        return list(choices)
+    if all(isinstance(choice, numbers.Real) for choice in choices):
+        return [choice if isinstance(choice, int) else float(choice) for choice in choices]
     return [_label(choice) for choice in choices]
 
 
@@ -151,17 +160,13 @@ def sweep(
     threads = _given.threads(threads)
     choices = _choices_of(values)
     experiments = _experiments(experiment, choices, components)
+    places = [_at(zip(choices, point)) for point in itertools.product(*choices.values())]
+    points = list(zip(places, experiments))
     if client is None:
-        found = []
-        for changed, point in zip(experiments, itertools.product(*choices.values())):
-            try:
-                found.append(_numbers_of(changed, components, result, threads))
-            except Exception as error:
-                error.add_note(_at(zip(choices, point)))
-                raise
+        found = [_numbers_at(at, changed, components, result, threads) for at, changed in points]
     else:
         shared = client.scatter(components, broadcast=True) if components is not None else None
-        futures = [client.submit(_numbers_of, changed, shared, result, threads, pure=False) for changed in experiments]
+        futures = [client.submit(_numbers_at, *point, shared, result, threads, pure=False) for point in points]
         found = client.gather(futures)
     shape = tuple(map(len, choices.values()))
     names = dict.fromkeys(name for one in found for name in one)

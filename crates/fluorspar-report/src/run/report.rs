@@ -67,12 +67,11 @@ impl Builder {
     }
 }
 
-/// Warns of an image with fewer samples than were wanted. `labels` is the image, of which only samples count.
+/// Warns of an image with fewer samples than its render wanted. `labels` is the image, of which only samples count. An error that is small
+/// enough is no early end.
 #[must_use]
-pub fn stopped_early(labels: &ComponentImage, study: &Study) -> Option<Warning> {
-    let (held, wanted) = (labels.samples_per_pixel, study.render.samples_per_pixel);
-    // An error that is small enough is no early end
-    let ended_by_error = study.render.error_target.is_some() && study.time_limit_s.is_none();
+pub fn stopped_early(labels: &ComponentImage, wanted: u32, ended_by_error: bool) -> Option<Warning> {
+    let held = labels.samples_per_pixel;
     let text = format!("The render was stopped early: {held} of {wanted} samples per pixel.");
     (held < wanted && !ended_by_error).then(|| text.into())
 }
@@ -89,7 +88,9 @@ pub fn run_report(run: &RunResults<'_>) -> RunReport {
         let all = analyzed.analysis.warnings.iter().chain(&of_regions);
         warnings.extend(all.cloned());
     }
-    let stopped = |components: &ComponentImage| stopped_early(components, &run.experiment.study);
+    let Study { render, time_limit_s, .. } = &run.experiment.study;
+    let ended_by_error = render.error_target.is_some() && time_limit_s.is_none();
+    let stopped = |image: &ComponentImage| stopped_early(image, render.samples_per_pixel, ended_by_error);
     warnings.extend(run.components.and_then(stopped));
     let safety = run.evaluation.safety.iter();
     warnings.extend(safety.clone().flat_map(exceeded_limits).map(Warning::from));

@@ -15,7 +15,7 @@ use super::read::{
 use super::rounded_rows::rows_of_24_bits;
 use super::{COMPONENT, DENOISED, EXCITATION, ExcitationLabel};
 use crate::image::basis_text::floats_of_text;
-use crate::image::npy::{is_npy, read_component_npy};
+use crate::image::npy::{check_finite, is_npy, read_component_npy};
 use crate::store::file::{check_image_size, guarded, most_image_bytes};
 use crate::{FormatError, Loaded, Provenance};
 use fluorspar::image::{
@@ -277,14 +277,19 @@ impl ComponentRows for ComponentFile {
             let Some(component) = of_part(part) else { return Ok(Vec::new()) };
             let (header, bands) = (&headers[part], &components[component]);
             let mut rows = Vec::with_capacity(header.compression.scan_lines_per_block());
-            let mut keep =
-                |row: usize, lines: &[f32]| rows.push((component, row, visit(component, row, lines)));
+            let mut checked = Ok(());
+            let mut keep = |row: usize, lines: &[f32]| {
+                if checked.is_ok() {
+                    checked = check_finite(&self.path, lines);
+                }
+                rows.push((component, row, visit(component, row, lines)));
+            };
             let is_visited = bands.scale.is_none()
                 && rows_of_24_bits(&self.path, header, &bands.bands, &block, &mut keep)?;
             if !is_visited {
                 rows_of_block(&self.path, header, bands, &block.unpack()?, keep)?;
             }
-            Ok(rows)
+            checked.map(|()| rows)
         })?;
         self.check_unchanged()?;
         let found: Vec<(usize, usize, T)> = found.into_iter().flatten().collect();

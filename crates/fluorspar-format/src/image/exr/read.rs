@@ -20,6 +20,7 @@ use super::{
     STATISTIC, StatisticLabel, StatisticPlane, UNITS, VIEW, layout_unit,
 };
 use crate::image::basis_text::BasisText;
+use crate::image::npy::check_finite;
 use crate::store::file::{check_image_size, check_packing, guarded, most_image_bytes};
 use crate::store::input::open_plain;
 use crate::{FileFormat, FormatError, Loaded, Provenance, TextureImage};
@@ -54,6 +55,7 @@ pub fn read_spectral_exr<Q: Quantity>(path: &Path) -> Result<Loaded<SpectralImag
         decode(path, &headers, &targets, &mut buffers)?;
         let [mut data] = buffers;
         rescale(path, header, &mut data)?;
+        check_finite(path, &data)?;
         let image = SpectralImage::from_data(grid, width, height, data)
             .map_err(|error| FormatError::malformed(path, error.to_string(), "Write the file again"))?;
         Ok(Loaded { image, provenance: provenance(path, &headers)? })
@@ -190,6 +192,7 @@ fn read_component_parts(path: &Path) -> Result<Loaded<ComponentImage>, FormatErr
     }
 
     // Assemble the image
+    check_finite(path, &buffers[0])?;
     let [data, maps, half_a, half_b, variance] = buffers;
     if let Some(statistics) = &mut statistics {
         (statistics.half_a, statistics.half_b, statistics.variance) = (half_a, half_b, variance);
