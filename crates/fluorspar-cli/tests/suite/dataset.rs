@@ -17,7 +17,7 @@ use crate::support::{fluorspar, listing};
 fn labels(path: &Path) -> Vec<u8> {
     assert_eq!(fs::read(path).unwrap()[25], 3, "{} has no palette", path.display());
     let picture = read_texture_png(path, Transfer::Linear).unwrap();
-    let palette: Vec<[u8; 3]> = std::iter::once([0; 3]).chain((1..=80).map(part_color)).collect();
+    let palette: Vec<[u8; 3]> = std::iter::once([0; 3]).chain((1..=120).map(part_color)).collect();
     assert_eq!(palette.iter().collect::<BTreeSet<_>>().len(), palette.len());
     let number = |color: &[f32]| {
         let color: Vec<u8> = color.iter().map(|value| (255.0 * value).round() as u8).collect();

@@ -354,7 +354,7 @@ pub struct MouthSection {
     /// retractors) and place of the camera, as far as this file does not give them. Default: none.
     pub view: Option<String>,
     /// Number of a person of `fluorspar mouth sample`, 1 to 4 000 000 000: shape of mouth and teeth, as far as this file does not give
-    /// it, and tissues, which vary around those of this file. Default: none.
+    /// it, fillings, and tissues, which vary around those of this file. Default: none.
     pub person: Option<u32>,
     /// Shape and pose.
     #[serde(flatten)]

@@ -1491,7 +1491,7 @@ class MouthSection(TypedDict, total=False):
     retractors) and place of the camera, as far as this file does not give them. Default: none."""
     person: int
     """Number of a person of `fluorspar mouth sample`, 1 to 4 000 000 000: shape of mouth and teeth, as far as this file does
-    not give it, and tissues, which vary around those of this file. Default: none."""
+    not give it, fillings, and tissues, which vary around those of this file. Default: none."""
     jaw_opening_mm: float
     """Distance between the edges of the upper and lower central incisors, mm (default 45, 14 to 60). Adults open to 45-57 mm
     at most; below 35 mm is a restricted opening."""
