@@ -120,7 +120,8 @@ mod tests {
     use std::path::Path;
 
     use crate::schema::MouthSection;
-    use crate::{Experiment, parse, resolve};
+    use crate::{Experiment, parse, resolve, resolve_shapes};
+    use fluorspar::scene::Scene;
     use fluorspar_anatomy::sample_person;
 
     fn read(text: &str, set: &[&str]) -> Experiment {
@@ -149,14 +150,23 @@ mod tests {
     }
 
     #[test]
-    fn tissues_of_a_person_are_those_of_mouth_sample() {
+    fn tissues_and_fillings_of_a_person_are_those_of_mouth_sample() {
         let small = ["mouth.detail=0.25", "spectral.step_nm=40"];
         let set = |more: &'static str| small.into_iter().chain([more]).collect::<Vec<_>>();
         let one = resolve(&read("", &set("mouth.person=7"))).unwrap();
         let mut spelled_out = read("", &set("mouth.person=7"));
         spelled_out.file.mouth.as_mut().unwrap().person = None;
         crate::people::give_tissues_of(7, &mut spelled_out.file).unwrap();
-        assert_eq!(resolve(&spelled_out).unwrap().study.tissues, one.study.tissues);
+        crate::people::give_restorations_of(7, &mut spelled_out.file);
+        let parts =
+            |scene: &Scene| -> Vec<String> { scene.objects.iter().map(|one| one.name.clone()).collect() };
+        let told = resolve(&spelled_out).unwrap().study;
+        assert_eq!((&told.tissues, parts(&told.scene)), (&one.study.tissues, parts(&one.study.scene)));
+        let shapes = resolve_shapes(&read("", &set("mouth.person=7"))).unwrap();
+        assert!(
+            parts(&shapes) == parts(&told.scene)
+                && parts(&shapes).iter().any(|name| name.starts_with("restoration_"))
+        );
         // What is written of the run draws the same person again
         let again = parse(&one.record.resolved_toml, "again", Path::new("."), &[]).unwrap();
         assert_eq!(resolve(&again).unwrap().study.tissues, one.study.tissues);

@@ -121,11 +121,12 @@ pub fn dataset_sheet(facts: &DatasetFacts, experiment: &ResolvedExperiment) -> S
          - `truth/*_electrons.npy`, `[light, row, col]`: electrons of capture \"{analyzed}\" without noise of the sensor, all channels together, by where \
          the light comes from; `electrons` of an image names them\n\
          {share}{spectra}\
-         - `images.csv`: a line for each image; its share is that in the first part of the view. `people.csv`: shape and tissues of each person\n\n\
+         - `images.csv`: a line for each image; its share is that in the first part of the view. `people.csv`: shape, restorations and tissues of each person\n\n\
          Masks and truth are those of the middle of each pixel: the nearest pixel of the render, without the blur of the lens. A pixel is of \
          a lesion where at least half of its change is there. Read arrays with `numpy.load`.\n\n\
          ## What is assumed\n\n\
-         - Shape and tissues of people are drawn from published spreads, lesions from the file: both are models.\n\
+         - Shape and tissues of people are drawn from published spreads, lesions from the file: both are models. People have as many fillings \
+         and crowns as adults; on which teeth and of what is assumed.\n\
          - What its tissues hold is in `people.csv`; how a lesion looks is what `dataset.toml` says, the same in all who have it.\n\
          {rests}\n\
          ## Limits\n\n\

@@ -338,6 +338,9 @@ fn a_folder_of_the_user_stands_beside_the_catalogue() {
     fs::write(mine.join("lights/lab_led.csv"), "wavelength_nm,power\n395,0\n401,5\n410,0\n").unwrap();
     let (code, _, said) = run(&["check", "b/experiment.toml"]);
     assert!(code == Some(2) && said.contains("mine/lights/lab_led.csv has changed since"), "{said}");
+    // Entries are named: where the folder lies is no matter
+    let made = folder.path().join("b/experiment.toml");
+    assert!(fs::read_to_string(&made).unwrap().contains("\"catalogue/lights/lab_led\" = "));
     for (file, content, words) in [
         ("filters/bad.csv", "wavelength_nm,T\n400,0.5\n500,1.5\n", "more than 1"),
         ("lights/bad.csv", "wavelength_nm,a,b\n400,1,1\n500,1,1\n", "one column"),

@@ -54,6 +54,11 @@ fn people_of_a_table_are_those_of_their_number() {
     let length: f64 = lines[2][column].parse().unwrap();
     assert_eq!(person["parameters"]["tongue_length_mm"].as_f64(), Some(length));
     assert!(folder.path().join("people/person_000008.toml").exists());
+    // A base that is one person already
+    fs::write(folder.path().join("p.toml"), "format = 1\nbase = \"oraleye-2021\"\n[mouth]\nperson = 3\n")
+        .unwrap();
+    let said = fluorspar(folder.path(), ["mouth", "sample", "--count=1", "--base=p.toml", "--out=none"]);
+    assert!(said.code == Some(2) && said.stderr.contains("mouth.person"), "{said:?}");
 }
 
 /// The files of people can be opened where they lie, and are the mouths that `mouth.person` gives: in the pose of their base.

@@ -80,7 +80,7 @@ impl PresetKind {
         }
     }
 
-    pub(super) fn folder(self) -> &'static str {
+    pub(crate) fn folder(self) -> &'static str {
         self.names()[0]
     }
 }

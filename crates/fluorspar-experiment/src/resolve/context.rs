@@ -1,6 +1,6 @@
 //! Context of all steps of resolving: sources of values, warnings, files that were read.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -73,8 +73,9 @@ pub(crate) struct Context<'a> {
     pub(crate) inputs: Vec<InputFile>,
     /// Digests that the experiment holds of files.
     pub(super) known_files: BTreeMap<String, String>,
-    /// Those of the inputs that decide a render.
-    pub(super) render_files: BTreeSet<PathBuf>,
+    /// Those of the inputs that decide a render, by what `[files]` calls them: a path, or an entry of the user's catalogue, which may lie
+    /// anywhere.
+    pub(super) render_files: BTreeMap<String, PathBuf>,
     /// Entries of the catalogue in use, with the digest of their files.
     pub(crate) presets: BTreeMap<String, String>,
     /// The mouth, for maps of its anatomy.
@@ -99,7 +100,7 @@ impl<'a> Context<'a> {
             filter_data: Vec::new(),
             inputs: Vec::new(),
             known_files: BTreeMap::new(),
-            render_files: BTreeSet::new(),
+            render_files: BTreeMap::new(),
             presets: BTreeMap::new(),
         }
     }
@@ -278,7 +279,7 @@ impl<'a> Context<'a> {
         let file: &Path = file.as_ref();
         if let Some(known) = self.inputs.iter().find(|input| input.path == file).cloned() {
             // What a frame uses may decide the render, too
-            return self.note_digest(at, known);
+            return self.note_digest(at, name_of(file), known);
         }
         let sha256 = match digest_bounded(file, MAX_INPUT_BYTES) {
             Ok(sha256) => sha256,
@@ -299,11 +300,11 @@ impl<'a> Context<'a> {
             }
             Err(error) => return self.fail(at, error.problem().to_string()),
         };
-        self.note_digest(at, InputFile { path: file.into(), sha256 })
+        self.note_digest(at, name_of(file), InputFile { path: file.into(), sha256 })
     }
 
     /// Notes a file, and whether it decides a render; refuses one that does and has changed since results were made from it.
-    fn note_digest(&mut self, at: &[Step], input: InputFile) -> Resolved<()> {
+    fn note_digest(&mut self, at: &[Step], name: String, input: InputFile) -> Resolved<()> {
         let InputFile { path: file, sha256 } = &input;
         if !self.inputs.contains(&input) {
             self.inputs.push(input.clone());
@@ -314,7 +315,8 @@ impl<'a> Context<'a> {
         let folders: Vec<&Path> =
             self.document.sources.iter().filter_map(|of| of.folder.as_deref()).collect();
         let is_it = |path: &Path| {
-            path == file || path.is_relative() && folders.iter().any(|folder| folder.join(path) == *file)
+            path == Path::new(&name)
+                || path.is_relative() && folders.iter().any(|folder| folder.join(path) == *file)
         };
         if self.known_files.iter().any(|(path, known)| is_it(Path::new(path)) && known != sha256) {
             let name = excerpt_to(&file.to_string_lossy(), 400);
@@ -324,7 +326,7 @@ impl<'a> Context<'a> {
             );
             return self.fail(at, message);
         }
-        self.render_files.insert(file.clone());
+        self.render_files.insert(name, input.path);
         Ok(())
     }
 
@@ -337,7 +339,8 @@ impl<'a> Context<'a> {
     /// Notes the file of an entry, where it is of the user's catalogue.
     pub(super) fn note_entry(&mut self, at: &[Step], kind: PresetKind, name: &str) -> Resolved<()> {
         preset::user_entry(kind, name).map_or(Ok(()), |entry| {
-            self.note_digest(at, InputFile { path: entry.file.clone(), sha256: entry.sha256.clone() })
+            let input = InputFile { path: entry.file.clone(), sha256: entry.sha256.clone() };
+            self.note_digest(at, format!("catalogue/{}/{name}", kind.folder()), input)
         })
     }
 
@@ -442,4 +445,9 @@ impl Context<'_> {
         }
         Ok(())
     }
+}
+
+/// What `[files]` calls a file.
+fn name_of(file: &Path) -> String {
+    file.to_string_lossy().into_owned()
 }

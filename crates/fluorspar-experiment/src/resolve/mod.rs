@@ -100,7 +100,7 @@ fn resolve_scene(experiment: &Experiment, needs_light: bool) -> Result<ResolvedE
     // What it could not read is made below.
     let _ = mouth.map(JoinHandle::join);
     let (objects, lesions) =
-        object::objects(context, file, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
+        object::objects(context, &of_person, &mut materials, &mut fluorophores, &grid, &mut light_groups)?;
     if light_groups.is_empty() && !needs_light {
         context.push_warning(
             "the scene has no lights, so that it can't be rendered; add a [[light]] section".to_owned(),
@@ -237,7 +237,7 @@ fn is_for_reflection(name: &str, scene: &Scene, camera: &Camera, captures: &[Cap
 /// # Errors
 /// The first defect found.
 pub fn resolve_shapes(experiment: &Experiment) -> Result<Scene, ExperimentError> {
-    let mut file = experiment.file.clone();
+    let mut file = with_person(&Context::new(&experiment.document), &experiment.file)?.into_owned();
     for material in &mut file.material {
         material.scattering = ScatteringSection::Diffuse(DiffuseSection {
             reflectance: ReflectanceReference::Spectrum(SpectrumReference::Constant(0.5)),
@@ -627,9 +627,10 @@ fn warn_unused(
 /// The resolved file and its digest.
 fn write_out(context: &Context<'_>, file: &ExperimentFile) -> Resolved<(ExperimentFile, String, String)> {
     let mut complete = complete(file);
-    let of_render = context.inputs.iter().filter(|input| context.render_files.contains(&input.path));
-    let digests = of_render.map(|input| (input.path.to_string_lossy().into_owned(), input.sha256.clone()));
-    complete.files.extend(digests);
+    for (name, path) in &context.render_files {
+        let digests = context.inputs.iter().filter(|input| input.path == *path);
+        complete.files.extend(digests.map(|input| (name.clone(), input.sha256.clone())));
+    }
     let (text, digest) = context.write_out(complete.clone(), |decisive| {
         decisive.title.clear();
         decisive.description.clear();

@@ -760,7 +760,10 @@ impl SpectrumReader<'_> {
         if !is_asked || stated_unit(self.words_of_unit(column)) != StatedUnit::Unstated {
             return Ok(());
         }
-        let what = format!("column {} is a responsivity without a unit", self.table.column_name(column));
+        let column = self.table.column_name(column);
+        let what = format!(
+            "column {column} has no unit: a responsivity has A/W, a quantum efficiency is a fraction"
+        );
         Err(FormatError::unit(self.path, what, unit_hint(self.path, ValueUnit::AmperesPerWatt)))
     }
 

@@ -81,8 +81,11 @@ fn coefficient_factor(header: &str, stated: &StatedUnit) -> Option<f64> {
         lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
     // "Abs. coefficient" is of absorption
     let is_decadic = |word: &&str| DECADIC.contains(word) && !(*word == "abs" && lower.contains("coef"));
+    let is_natural = words.iter().any(|word| ["natural", "nat", "ln"].contains(word))
+        || words.windows(2).any(|pair| ["log", "base"].contains(&pair[0]) && pair[1] == "e");
     let of_amounts = ["mol", "/g", "/mg", "g-1"].iter().any(|unit| with_signs(lower).contains(unit));
-    if is_relative(lower) || of_amounts || is_multiplied(lower) || words.iter().any(is_decadic) {
+    if is_relative(lower) || of_amounts || is_multiplied(lower) || !is_natural && words.iter().any(is_decadic)
+    {
         return None;
     }
     // The length of a cuvette has a number: "absorption at 1 cm"
@@ -92,7 +95,7 @@ fn coefficient_factor(header: &str, stated: &StatedUnit) -> Option<f64> {
     let names_length = |pair: &[&str]| is_length(pair[1]) && pair[0].parse::<f64>().is_err();
     match lengths_of(lower)[..] {
         // A is an absorbance, a may be natural
-        [_] if header.starts_with('A') && words[0] == "a" => None,
+        [_] if header.starts_with('A') && words[0] == "a" && !is_natural => None,
         [mm] => Some(1.0 / mm),
         [] if words.first().is_some_and(|word| is_length(word)) || words.windows(2).any(names_length) => None,
         [] => bracketed(lower)
@@ -534,6 +537,9 @@ mod tests {
             (Coefficient, "absorption cm\u{2013}1", 0.1),
             (Coefficient, "ua [cm^-1]", 0.1),
             (Coefficient, "Abs. coefficient (1/cm)", 0.1),
+            (Coefficient, "absorption coeff. a (log e) cm-1", 0.1),
+            (Coefficient, "natural log absorption (1/cm)", 0.1),
+            (Coefficient, "A_nat (1/cm)", 0.1),
             (Coefficient, "mua, 10 mg/ml (1/cm)", 0.1),
             (Coefficient, "a", 1.0),
             (Coefficient, "mua_mm", 1.0),

@@ -53,6 +53,10 @@ pub(crate) fn run(options: &Options) -> Result<(), CliError> {
         let name = &options.base;
         return Err(CliError::Input(format!("--base {name}: has no [mouth]; choose an experiment with one")));
     };
+    if mouth.person.is_some() {
+        let name = &options.base;
+        return Err(CliError::Input(format!("--base {name}: mouth.person is one person already; remove it")));
+    }
     let view = mouth.view.as_deref().and_then(ExaminationView::find);
     let draw = |number| -> Result<Person, CliError> {
         let drawn = Person::draw(&base.file, number).map_err(|error| CliError::Input(error.to_string()))?;

@@ -114,6 +114,8 @@ fn picture(
     if let Some(person) = options.person.person {
         give_tissues_of(person, &mut experiment.file).map_err(|error| CliError::Input(error.to_string()))?;
         give_restorations_of(person, &mut experiment.file);
+        // This one takes the place of the person of the file
+        experiment.file.mouth.iter_mut().for_each(|mouth| mouth.person = None);
     }
     let mut study = resolve(&experiment).map_err(|error| as_typed(error, &overrides))?.study;
     if !study.scene.light_groups.iter().any(|group| group.name == options.light_group) {
