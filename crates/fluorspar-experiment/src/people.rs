@@ -6,7 +6,7 @@ use fluorspar::sampling::random::Key;
 use fluorspar::tissue::{Population, TissueError};
 use fluorspar_anatomy::{MouthParameters, POSE_FIELDS, sample_person, sample_restorations};
 use fluorspar_format::read_toml;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::preset::{self, PresetError};
 use crate::schema::{ExperimentFile, MaterialSection, NameOrFile, RestorationSection, TissueSection};
@@ -28,11 +28,6 @@ pub struct Person {
 }
 
 /// What restorations of people are made of.
-#[derive(Deserialize)]
-struct RestorativeMaterials {
-    material: Vec<MaterialSection>,
-}
-
 const RESTORATIVE_MATERIALS: &str = include_str!("../data/restorative_materials.toml");
 
 impl Person {
@@ -116,11 +111,7 @@ fn person_tissues(file: &ExperimentFile, person: u32) -> Result<Vec<TissueSectio
         let section = known.cloned().unwrap_or_else(|| TissueSection {
             name: name.to_owned(),
             site: Some(NameOrFile::from(name.to_owned())),
-            states: Vec::new(),
-            parameters: BTreeMap::new(),
-            layer: Vec::new(),
-            refractive_index: None,
-            index_below: None,
+            ..TissueSection::default()
         });
         section.site.is_some().then(|| drawn(section, Key::new(u64::from(person))))
     };
@@ -148,8 +139,8 @@ fn person_restorations(
     drawn.retain(|one| is_sound(one.tooth));
     let is_used = |material: &MaterialSection| drawn.iter().any(|one| one.material == material.name);
     let is_known = |material: &MaterialSection| file.material.iter().any(|known| known.name == material.name);
-    let all = read_toml::<RestorativeMaterials>(RESTORATIVE_MATERIALS).map_or(Vec::new(), |all| all.material);
-    let materials = all.into_iter().filter(|one| is_used(one) && !is_known(one)).collect();
+    let all = read_toml::<BTreeMap<String, Vec<MaterialSection>>>(RESTORATIVE_MATERIALS).unwrap_or_default();
+    let materials = all.into_values().flatten().filter(|one| is_used(one) && !is_known(one)).collect();
     let restorations = drawn.into_iter().map(|one| RestorationSection {
         name: restoration_name(one.tooth),
         tooth: one.tooth,

@@ -9,7 +9,7 @@ use super::{NameOrFile, SpectrumReference};
 
 /// Layered tissue with blood and depth: a site of the catalogue, in some state, with other parameters; or layers that are
 /// described one by one.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TissueSection {
     /// Name by which materials and samples refer to it.

@@ -15,7 +15,7 @@ const PHYSICS: [&str; 3] = ["fluorspar", "fluorspar-accel", "fluorspar-anatomy"]
 /// Crates that no user gets.
 const UNPUBLISHED: [&str; 1] = ["fluorspar-testkit"];
 
-const MOST_LINES_OF_CODE: usize = 135_240;
+const MOST_LINES_OF_CODE: usize = 135_250;
 const MOST_PERCENT_OF_SHELL: f64 = 60.4;
 const MOST_WORDS_OF_DOCUMENTS: usize = 61_530;
 /// Words in string literals of the physics: it holds numbers, and the fronts word them.
