@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Trains a detector of a lesion on half of the people of a data set and tries it on the other half.
 
-    fluorspar dataset validation/lesion_cohort.toml --out people     # 25 minutes
+    fluorspar dataset validation/lesion_cohort.toml --out people     # a quarter of an hour
     python3 validation/lesion_baseline.py people
     fluorspar design optimize validation/lesion_design.toml          # predicts d' = 1 / loss for the light of the spot alone
 

@@ -143,11 +143,11 @@ fn sites_have_the_measured_colors() {
     }
 }
 
-/// Standard deviations of drawn people lie within a factor of 1.5 of those of measured ones: the colors of gums and the tongue's Y, whose
-/// standard error is 9 % here. Its x spreads 1.5 times as far, about a redder mean.
+/// Standard deviations of drawn people lie within a factor of 1.5 of those of measured ones: the colors of gums, the tongue's Y and b of
+/// teeth, with a standard error of 9 % here. The tongue's x spreads 1.6 times as far, about a redder mean.
 #[test]
 fn people_differ_in_color_as_measured() {
-    for (site, compared) in [("gingiva", 0..3), ("dorsal_tongue", 0..1)] {
+    for (site, compared) in [("gingiva", 0..3), ("dorsal_tongue", 0..1), ("canine", 2..3)] {
         let Color { space, sd, .. } = measured().color.into_iter().find(|color| color.site == site).unwrap();
         let population = Population::of_people(&preset::site(site).unwrap());
         let people: Vec<[f64; 3]> = (0..60)
@@ -157,12 +157,12 @@ fn people_differ_in_color_as_measured() {
                 if space == "Lab" { lab(&reflectance) } else { chromaticity(&reflectance) }
             })
             .collect();
-        for i in compared {
+        for i in 0..3 {
             let mean = people.iter().map(|color| color[i]).sum::<f64>() / 60.0;
             let found = (people.iter().map(|color| (color[i] - mean).powi(2)).sum::<f64>() / 59.0).sqrt();
             let ratio = found / sd.unwrap()[i];
             println!("{site} {space} {i}: {found:.3}, {ratio:.2} of the measured");
-            assert!((1.0 / 1.5..1.5).contains(&ratio), "{site} {i}: {ratio}");
+            assert!(!compared.contains(&i) || (1.0 / 1.5..1.5).contains(&ratio), "{site} {i}: {ratio}");
         }
     }
 }

@@ -423,16 +423,10 @@ fn develop_some(
         Ok(match study.capture(&frame.label).and_then(|c| c.subtract.as_deref()) {
             None => frame.demosaic(calibration.demosaicing)?,
             Some(label) => {
-                let ambient = frame_of(&linear, label)?;
-                let of_label = |label: &str| exposures.iter().find(|taken| taken.raw.label == label);
-                let pair = of_label(&frame.label).zip(of_label(label));
-                let left = match pair
-                    .map(|pair| with_shared_dark(pair.into(), calibration))
-                    .transpose()?
-                    .flatten()
-                {
+                let [own, other] = [index_of(&linear, &frame.label)?, index_of(&linear, label)?];
+                let left = match with_shared_dark([&exposures[own], &exposures[other]], calibration)? {
                     Some([frame, ambient]) => frame.without(&ambient)?,
-                    None => frame.clone().without(ambient)?,
+                    None => frame.clone().without(&linear[other])?,
                 };
                 left.demosaic(calibration.demosaicing)?
             }
@@ -463,9 +457,9 @@ pub(super) fn with_shared_dark(
     Ok(Some([development.linearize(&frames[0].raw)?, development.linearize(&frames[1].raw)?]))
 }
 
-/// The frame of a name.
-fn frame_of<'a>(frames: &'a [LinearMosaic], label: &str) -> Result<&'a LinearMosaic, PipelineError> {
-    frames.iter().find(|other| other.label == label).ok_or_else(|| {
+/// Where the frame of a name is.
+fn index_of(frames: &[LinearMosaic], label: &str) -> Result<usize, PipelineError> {
+    frames.iter().position(|other| other.label == label).ok_or_else(|| {
         let known = frames.iter().map(|other| other.label.as_str()).collect::<Vec<_>>();
         PipelineError::NoFrame { wanted: label.into(), known: known.join(", ") }
     })
